@@ -1,0 +1,2 @@
+//! docktwin command line.
+fn main() {}

@@ -1,0 +1,323 @@
+use docktwin_core::{DMat3, DVec3, Digest};
+
+/// Both sides of a docking mechanism and the laws between them.
+///
+/// Frames: the active side hangs on `e3`, the passive one is fixed to `e4`. Each side has a *ring
+/// frame* at its ring centre whose +X points toward the other side: `r3` (active, axes parallel to
+/// `e3` at rest, origin at `p_34`-axis offset `ring_rest_offset_m`) and `r4` (passive: `e4` turned
+/// by 180° about Z, so +X points along −X4; origin at `−passive_ring_offset_m` on X4).
+/// Azimuth α of a ring frame is measured from +Y toward +Z: the point at radius ρ is
+/// `(x, ρ cos α, ρ sin α)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DockingMechanism {
+    /// Name, from the URDF of the active side.
+    pub name: String,
+    /// Ring and petals of the active side, in `r3`.
+    pub active: SideGeometry,
+    /// Ring and petals of the passive side, in `r4`.
+    pub passive: SideGeometry,
+    /// Mass properties of the active ring with its petals and latches.
+    pub ring_body: RingBody,
+    /// Distance along +X3 from the origin of `e3` to the active ring's centre at rest, m.
+    pub ring_rest_offset_m: f64,
+    /// Distance along −X4 from the origin of `e4` to the passive ring's centre, m.
+    pub passive_ring_offset_m: f64,
+    /// Law of contact between the sides.
+    pub contact: ContactLaw,
+    /// What carries the active ring.
+    pub attenuator: Attenuator,
+    /// Capture latches; `None` for test bodies without latches.
+    pub latches: Option<LatchSet>,
+    /// Limits that end a run as `limit_exceeded`.
+    pub limits: MechanismLimits,
+    /// Thresholds of the outcomes.
+    pub outcome: OutcomeRules,
+    /// Digest of every file this was read from.
+    pub digest: Digest,
+}
+
+impl DockingMechanism {
+    /// `L`: distance between the mounting planes when docked (rings face to face, ring at rest), m.
+    #[must_use]
+    pub fn docked_length_m(&self) -> f64 {
+        self.ring_rest_offset_m
+            + self.active.ring.section_radius_m
+            + self.passive.ring.section_radius_m
+            + self.passive_ring_offset_m
+    }
+}
+
+/// One side's guiding surfaces, in its ring frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SideGeometry {
+    /// The ring: a torus about the X axis, its centre circle in the plane x = 0.
+    pub ring: RingGeometry,
+    /// Petals, alike, evenly spread; may be `None` (bare ring).
+    pub petals: Option<PetalGeometry>,
+}
+
+/// A torus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RingGeometry {
+    /// Radius of the centre circle, m.
+    pub mean_radius_m: f64,
+    /// Radius of the section, m.
+    pub section_radius_m: f64,
+    /// Straight pieces by which meshes and engines without a torus approximate the ring; our own
+    /// contact law uses the exact circle.
+    pub segments: u32,
+}
+
+/// `count` alike petals. The mid-surface of one is ruled by straight lines between an arc at the
+/// base (radius `base_radius_m`, x = 0) and an arc at the tip (radius `tip_radius_m`,
+/// x = `height_m`), the ruling at −1 ≤ u ≤ 1 going from azimuth `u · base_half_angle` to
+/// `u · tip_half_angle` off the petal's own azimuth; swept by a ball of half the thickness.
+/// Inward petals have `tip_radius_m < base_radius_m`, outward ones the reverse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PetalGeometry {
+    /// Number of petals.
+    pub count: u32,
+    /// Azimuth of the middle of petal 0, rad.
+    pub first_azimuth_rad: f64,
+    /// Radius of the mid-surface at the base, m.
+    pub base_radius_m: f64,
+    /// Radius of the mid-surface at the tip, m.
+    pub tip_radius_m: f64,
+    /// Height of the mid-surface, m.
+    pub height_m: f64,
+    /// Half-angle at the base, rad.
+    pub base_half_angle_rad: f64,
+    /// Half-angle at the tip, rad.
+    pub tip_half_angle_rad: f64,
+    /// Thickness, m; edges are rounded with half of it.
+    pub thickness_m: f64,
+    /// Strips into which the petal is divided, for meshes, for engines of convex pieces, and as
+    /// the first guess of our own search.
+    pub strips: u32,
+    /// Flexural rigidity EI of the petal as a cantilever, N·m²; smaller makes the tip softer.
+    pub flexural_rigidity_n_m2: f64,
+}
+
+impl PetalGeometry {
+    /// Azimuth of the middle of petal `i`, rad.
+    #[must_use]
+    pub fn azimuth_rad(&self, i: u32) -> f64 {
+        self.first_azimuth_rad
+            + f64::from(i) * core::f64::consts::TAU / f64::from(self.count)
+    }
+
+    /// Ends (base, tip) of the ruling `u` of petal `i`, in the ring frame, m.
+    #[must_use]
+    pub fn ruling(&self, i: u32, u: f64) -> [DVec3; 2] {
+        let a = self.azimuth_rad(i);
+        let at = |x: f64, r: f64, half: f64| {
+            let (s, c) = (a + u * half).sin_cos();
+            DVec3::new(x, r * c, r * s)
+        };
+        [
+            at(0.0, self.base_radius_m, self.base_half_angle_rad),
+            at(self.height_m, self.tip_radius_m, self.tip_half_angle_rad),
+        ]
+    }
+}
+
+/// The active ring as a rigid body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RingBody {
+    /// Mass with petals and latches, kg.
+    pub mass_kg: f64,
+    /// Inertia about its own mass centre, axes of `r3`, kg·m².
+    pub inertia_kg_m2: DMat3,
+    /// Mass centre in `r3`, m.
+    pub com_m: DVec3,
+}
+
+/// Law of contact between one pair of surfaces at one place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactLaw {
+    /// Normal law.
+    pub normal: NormalLaw,
+    /// Kinetic friction coefficient; 0 switches friction off.
+    pub friction_kinetic: f64,
+    /// Static friction coefficient, ≥ kinetic.
+    pub friction_static: f64,
+    /// Stribeck velocity, m/s: how fast the static coefficient fades with sliding speed.
+    pub stribeck_velocity_m_s: f64,
+    /// Break-away displacement of the bristle, m; smaller is nearer to ideal Coulomb friction.
+    pub bristle_breakaway_m: f64,
+    /// Time constant of the bristle's own damping while it sticks, s.
+    pub bristle_damping_s: f64,
+    /// Length over which neighbouring places of one pair of surfaces are counted as one, m (the
+    /// temperature of the soft maximum).
+    pub merge_depth_m: f64,
+}
+
+/// Normal force of one place, clipped at ≥ 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NormalLaw {
+    /// `F = k δⁿ (1 + a δ')`.
+    HuntCrossley {
+        /// k, N/mⁿ.
+        stiffness: f64,
+        /// n.
+        exponent: f64,
+        /// a, s/m.
+        damping_s_m: f64,
+    },
+    /// `F = k δ + c δ'`, the validation law.
+    KelvinVoigt {
+        /// k, N/m.
+        stiffness: f64,
+        /// c, N·s/m.
+        damping_n_s_m: f64,
+    },
+}
+
+/// What carries the active ring.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Attenuator {
+    /// The ring is part of the chaser (tests of the law on rings alone).
+    Rigid,
+    /// Six tables, one per axis.
+    Characteristic(CharacteristicAttenuator),
+    /// Six screw legs coupled through differentials.
+    Differential(DifferentialAttenuator),
+}
+
+/// Per-axis characteristic of the attenuation (Fig. 6–9): X; Y/Z; pitch/yaw; roll.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CharacteristicAttenuator {
+    /// Axial, N over m; positive deflection is extension (+X3).
+    pub axial: AxisChannel,
+    /// Lateral, N over m; isotropic in Y and Z.
+    pub lateral: AxisChannel,
+    /// Pitch and yaw, N·m over rad; isotropic.
+    pub tilt: AxisChannel,
+    /// Roll, N·m over rad.
+    pub roll: AxisChannel,
+    /// Time over which damping goes from its value before capture to that after, s.
+    pub damping_ramp_s: f64,
+}
+
+/// One channel. Units are N, m, N·s/m for translations and N·m, rad, N·m·s/rad for rotations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisChannel {
+    /// Force of the loading branch over deflection ≥ 0, from (0, F0 ≥ 0), rising.
+    pub loading: PiecewiseCurve,
+    /// Force of the unloading branch, nowhere above the loading one. The mean of both is stored,
+    /// half their difference is dissipated.
+    pub unloading: PiecewiseCurve,
+    /// Displacement over which the force goes from one branch to the other after a reversal.
+    pub branch_change: f64,
+    /// Viscous damping.
+    pub damping: DampingPhases,
+    /// Brake in series with the tables and the damping, if any.
+    pub series_brake: Option<SeriesBrake>,
+    /// Dry friction beside everything else.
+    pub dry_friction: f64,
+    /// Travel in the negative direction (compression), ≥ 0.
+    pub travel_negative: f64,
+    /// Travel in the positive direction (extension), ≥ 0.
+    pub travel_positive: f64,
+    /// Stiffness of the end stops.
+    pub stop_stiffness: f64,
+    /// Damping of the end stops, acting in proportion to how far the stop is engaged.
+    pub stop_damping: f64,
+}
+
+/// Damping before and after capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DampingPhases {
+    /// Until all latches have caught.
+    pub before_capture: f64,
+    /// Afterwards, reached over the ramp.
+    pub after_capture: f64,
+}
+
+/// A friction brake in series: it slips above `force`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeriesBrake {
+    /// Holding force, N (N·m).
+    pub force: f64,
+    /// Viscous part while it slips, N·s/m (N·m·s/rad).
+    pub viscous: f64,
+}
+
+/// A curve through points of strictly rising abscissa, linear between them, extended with the last
+/// slope.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PiecewiseCurve {
+    /// (deflection, force).
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Six screw legs between `e3` and the ring; brake coordinates are `coupling * (l − l_rest)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DifferentialAttenuator {
+    /// Leg joints on the chaser, in `e3`, m.
+    pub base_joints_m: [DVec3; 6],
+    /// Leg joints on the ring, in `r3`, m.
+    pub ring_joints_m: [DVec3; 6],
+    /// Rows: brake coordinates; columns: legs. Row 0 is the longitudinal coordinate.
+    pub coupling: [[f64; 6]; 6],
+    /// Channel of each brake coordinate (N over m of the coordinate).
+    pub channels: [AxisChannel; 6],
+    /// As in [`CharacteristicAttenuator`].
+    pub damping_ramp_s: f64,
+}
+
+/// Capture latches on the active ring and their strikers on the passive ring, at the same points
+/// of the ring faces when docked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LatchSet {
+    /// Azimuths on the active ring, in `r3`, rad.
+    pub azimuths_rad: [f64; 3],
+    /// A latch approaches (is logged) below this axial gap, m.
+    pub approach_gap_m: f64,
+    /// A latch is struck below this axial gap, inside the radial and tangential zone, m.
+    pub strike_gap_m: f64,
+    /// It catches at or below this axial gap, m.
+    pub catch_gap_m: f64,
+    /// Radial zone, ± m.
+    pub radial_zone_m: f64,
+    /// Tangential zone, ± m.
+    pub tangential_zone_m: f64,
+    /// Tension stiffness of a caught latch beyond the catch gap, N/m.
+    pub hold_stiffness_n_m: f64,
+    /// Stiffness of the joined rings, all three points together, N/m.
+    pub joined_stiffness_n_m: f64,
+    /// Damping of each joint point, N·s/m.
+    pub joined_damping_n_s_m: f64,
+}
+
+/// Limits of the mechanism; passing one ends the run as `limit_exceeded`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MechanismLimits {
+    /// Tension at the port, N.
+    pub tension_n: f64,
+    /// Compression at the port, N.
+    pub compression_n: f64,
+    /// Shear at the port, N.
+    pub shear_n: f64,
+    /// Torsion at the port, N·m.
+    pub torsion_nm: f64,
+    /// Bending at the port, N·m.
+    pub bending_nm: f64,
+    /// Contact depth, m; beyond it the geometry is no longer to be believed.
+    pub depth_m: f64,
+    /// How far an attenuator may be pushed beyond its travel, m (and rad × ring radius).
+    pub overtravel_m: f64,
+}
+
+/// Thresholds by which a run is judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutcomeRules {
+    /// Ring centres within this distance sideways at closest approach were in the guided zone, m.
+    pub guided_radius_m: f64,
+    /// Relative port speed below which attenuation has ended, m/s.
+    pub settled_speed_m_s: f64,
+    /// Relative port rate below which attenuation has ended, rad/s.
+    pub settled_rate_rad_s: f64,
+    /// Time with one or two latches, or in slow contact, after which it is jammed, s.
+    pub jam_time_s: f64,
+}

@@ -1,0 +1,1 @@
+//! Laws as pure functions, and the allocation-free reduced twin.

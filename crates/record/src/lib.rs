@@ -1,0 +1,1 @@
+//! MCAP log, Parquet, events, replay source.

@@ -1,0 +1,1 @@
+//! Scenario schema, checking and explanation.

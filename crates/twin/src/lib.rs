@@ -1,0 +1,1 @@
+//! The full twin: the on-orbit world integrated by rapier.

@@ -1,0 +1,1 @@
+//! rerun scene and blueprint.
