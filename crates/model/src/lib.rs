@@ -1,14 +1,32 @@
 //! URDF + TOML + parametric geometry, checked, into one immutable model.
 //!
 //! Nothing read from a file is silently ignored: what is not understood is refused, and all
-//! problems of a file are reported at once.
+//! problems of a file are reported at once. Every number of a model has a note where it comes from.
+//!
+//! What URDF can say of a spacecraft (masses, placements) the URDF alone says, and the TOML beside
+//! it holds the notes. The shapes of a mechanism are parameters of the TOML, from which collision
+//! shapes and meshes are generated; where its URDF repeats one of them the two must agree.
 
+mod check;
+mod load_mechanism;
+mod load_spacecraft;
 mod mechanism;
+pub mod mesh;
+mod problem;
 mod spacecraft;
+pub mod toml_check;
+mod urdf;
 
+pub use check::{Report, model_check};
+pub use load_mechanism::{AttenuationChoice, MatedFit, contact_ranges, load_mechanism, mated_fit};
+pub use load_spacecraft::load_spacecraft;
 pub use mechanism::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
     DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
     PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
 };
-pub use spacecraft::Spacecraft;
+pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
+pub use spacecraft::{Spacecraft, SpacecraftHull};
+
+#[cfg(test)]
+mod tests;

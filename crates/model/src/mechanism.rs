@@ -102,8 +102,7 @@ impl PetalGeometry {
     /// Azimuth of the middle of petal `i`, rad.
     #[must_use]
     pub fn azimuth_rad(&self, i: u32) -> f64 {
-        self.first_azimuth_rad
-            + f64::from(i) * core::f64::consts::TAU / f64::from(self.count)
+        self.first_azimuth_rad + f64::from(i) * core::f64::consts::TAU / f64::from(self.count)
     }
 
     /// Ends (base, tip) of the ruling `u` of petal `i`, in the ring frame, m.
@@ -175,6 +174,10 @@ pub enum NormalLaw {
 
 /// What carries the active ring.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one per model, and it is never moved about"
+)]
 pub enum Attenuator {
     /// The ring is part of the chaser (tests of the law on rings alone).
     Rigid,

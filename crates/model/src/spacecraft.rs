@@ -15,3 +15,12 @@ pub struct Spacecraft {
     /// Digest of the URDF and its TOML.
     pub digest: Digest,
 }
+
+/// What is drawn of a spacecraft: a cylinder along X about the origin of its root link. No physics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpacecraftHull {
+    /// Radius, m.
+    pub radius_m: f64,
+    /// Length, m.
+    pub length_m: f64,
+}

@@ -1,1 +1,12 @@
-//! Laws as pure functions, and the allocation-free reduced twin.
+//! Laws as pure functions, and the reduced twin put together from them.
+//!
+//! No clock, no file, no thread, no physics engine. Everything here is a function of
+//! (model, state, inputs); after construction nothing allocates.
+
+pub mod attenuator;
+pub mod body;
+pub mod contact;
+pub mod initial;
+pub mod mechanism;
+pub mod outcome;
+pub mod reduced;

@@ -1,1 +1,63 @@
-//! MCAP log, Parquet, events, replay source.
+//! Recording and reading a run: the crash-safe MCAP log, the Parquet table, events and the summary.
+//!
+//! A run directory holds
+//!
+//! | file | written by | content |
+//! | --- | --- | --- |
+//! | `run.mcap` | [`RunWriter`] | every tick: columns, contacts, events; readable after a crash |
+//! | `telemetry.parquet` | [`RunWriter`] | the same columns, one row a tick; complete only after `finish` |
+//! | `events.jsonl` | [`RunWriter`] | one [`Event`] a line |
+//! | `scenario.toml` | [`RunWriter::scenario_toml`] | the scenario as it ran |
+//! | `summary.json` | [`RunWriter::finish`] | [`Summary`] |
+//!
+//! Every number is kept bit for bit, NaN payloads and −0.0 included, so that a replay can be
+//! compared with its recording tick by tick ([`first_difference`]).
+//!
+//! In `run.mcap` each topic is one channel in the ROS 2 wire format (`cdr`, schema `ros2msg`), so
+//! that Foxglove, PlotJuggler and the public `mcap` tools decode it without docktwin.
+//!
+//! Absent on purpose: physics, scenarios, the loop. This crate knows names, units and bits.
+
+#![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
+
+mod column;
+mod container;
+mod diff;
+mod error;
+mod event;
+mod layout;
+mod log;
+mod reader;
+mod summary;
+mod table;
+mod writer;
+
+pub use column::{Cell, Column, ColumnKind, ColumnProblem, ContactRow};
+pub use diff::{Difference, first_difference};
+pub use error::RecordError;
+pub use event::Event;
+#[doc(hidden)]
+pub use reader::flip_bit;
+pub use reader::{Cut, RunReader, TickRecord, Ticks, rebuild_parquet};
+pub use summary::{
+    Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
+    SafetySummary, StepUs, Summary, Verdict,
+};
+pub use writer::{Policy, RunWriter};
+
+/// Version of the layout of `run.mcap`; a reader refuses a newer one.
+pub const RECORD_SCHEMA: u32 = 1;
+
+/// File names in a run directory.
+pub mod files {
+    /// The crash-safe log.
+    pub const LOG: &str = "run.mcap";
+    /// The columns as a table.
+    pub const TABLE: &str = "telemetry.parquet";
+    /// Events, one JSON object a line.
+    pub const EVENTS: &str = "events.jsonl";
+    /// The scenario as it ran.
+    pub const SCENARIO: &str = "scenario.toml";
+    /// The result.
+    pub const SUMMARY: &str = "summary.json";
+}

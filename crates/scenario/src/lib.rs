@@ -1,1 +1,20 @@
 //! Scenario schema, checking and explanation.
+//!
+//! A scenario names two spacecraft, a mechanism, the relative state at first contact, and the
+//! outcome that physics is expected to give. Files hold degrees and units in every key; the
+//! [`Scenario`] holds radians. All problems of a scenario and of its models are reported at once.
+
+mod expect;
+mod keys;
+mod load;
+mod overrides;
+
+pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
+pub use keys::{UnknownKey, explain};
+pub use load::{
+    Body, InitialConditions, RunSettings, Scenario, ScenarioErrors, Thrust, Trigger, load_scenario,
+    resolve_path,
+};
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,198 @@
-//! The full twin: the on-orbit world integrated by rapier.
+//! The full twin: the on-orbit world in rapier.
+//!
+//! rapier integrates the three bodies, `docktwin-physics` measures the geometry and pushes with its
+//! law: rapier's own contact solver has no stiffness in N/m (see ARCHITECTURE.md). Nothing in the
+//! on-orbit scene is a rigid constraint, so no rapier joint is needed there; a rigid ring is one
+//! body with its chaser.
+//!
+//! rapier steps velocities first and positions with the new velocities. Its positions are therefore
+//! kept half a step ahead of its velocities: forces are then evaluated in the middle of the step and
+//! the scheme is of second order, like the reduced twin's. [`FullTwin::state`] brings both to one
+//! instant.
+
+use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_physics::{
+    body::BodyState,
+    mechanism::{CHASER, RING, System, TARGET},
+    reduced::{DockingState, DockingTwin, Inputs},
+};
+use rapier3d_f64::prelude::{
+    MassProperties, PhysicsWorld, Pose as RapierPose, RigidBodyBuilder, RigidBodyHandle, Vector,
+};
+
+/// The on-orbit world.
+pub struct FullTwin {
+    system: System,
+    world: PhysicsWorld,
+    handles: [RigidBodyHandle; 3],
+    /// Memory of the mechanism and the running sums; its bodies are those of the last step's middle.
+    memory: DockingState,
+    step_s: f64,
+}
+
+/// A state of the full twin: rapier's positions and velocities and the memory of the mechanism.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FullSnapshot {
+    bodies: [(Pose, Twist); 3],
+    memory: DockingState,
+}
+
+impl FullTwin {
+    /// From the bodies at the start, with steps of `step_s` seconds.
+    #[must_use]
+    pub fn new(system: System, mut bodies: [BodyState; 3], step_s: f64) -> Self {
+        system.follow(&mut bodies);
+        let mut world = PhysicsWorld { gravity: Vector::ZERO, ..PhysicsWorld::default() };
+        let p = &mut world.integration_parameters;
+        p.dt = step_s;
+        // One sub-step: with more, a spring given as an external force would be held and gain
+        // energy.
+        p.num_solver_iterations = 1;
+        p.num_internal_pgs_iterations = 4;
+        let handles = core::array::from_fn(|i| {
+            let m = &system.mass()[i];
+            let mut ahead = bodies[i];
+            ahead.drift(m, 0.5 * step_s);
+            let builder = if system.rigid() && i == RING {
+                RigidBodyBuilder::kinematic_position_based()
+            } else {
+                RigidBodyBuilder::dynamic().additional_mass_properties(
+                    MassProperties::with_inertia_matrix(Vector::ZERO, m.mass(), m.inertia()),
+                )
+            };
+            world.bodies.insert(
+                builder
+                    .pose(RapierPose::from_parts(ahead.p, ahead.q))
+                    .linvel(ahead.v)
+                    .angvel(ahead.rate_world(m))
+                    .can_sleep(false)
+                    .linear_damping(0.0)
+                    .angular_damping(0.0),
+            )
+        });
+        let memory = DockingState::new(bodies);
+        let mut twin = Self { system, world, handles, memory, step_s };
+        // One rebuild makes rapier's derived quantities those of a restored world.
+        let snapshot = twin.snapshot();
+        twin.restore(&snapshot);
+        twin
+    }
+
+    fn body(&self, i: usize) -> (Pose, Twist) {
+        let b = &self.world.bodies[self.handles[i]];
+        let x = b.position();
+        (
+            Pose::new(x.translation, x.rotation),
+            Twist { v: b.linvel(), w: b.angvel() },
+        )
+    }
+
+    /// Whether rapier found a state that is not finite and set it aside.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        (0..3).all(|i| {
+            let (x, t) = self.body(i);
+            x.is_finite() && t.v.is_finite() && t.w.is_finite()
+        })
+    }
+}
+
+impl DockingTwin for FullTwin {
+    type Snapshot = FullSnapshot;
+
+    fn system(&self) -> &System {
+        &self.system
+    }
+
+    fn step(&mut self, inputs: &Inputs) {
+        let h = self.step_s;
+        let mass = self.system.mass();
+        let mut bodies: [BodyState; 3] = core::array::from_fn(|i| {
+            let (x, t) = self.body(i);
+            BodyState::new(&mass[i], x, t.v, x.q.conjugate() * t.w)
+        });
+        self.system.follow(&mut bodies);
+        let poses = bodies.map(|b| b.pose());
+        #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 steps")]
+        let time_s = (self.memory.step as f64 + 0.5) * h;
+        let measured = self.system.measure(&self.memory.mechanism, &poses);
+        let com = poses.map(|x| x.p);
+        let start: [Twist; 3] = core::array::from_fn(|i| bodies[i].twist(&mass[i]));
+        let mut external = [Wrench::ZERO; 3];
+        external[CHASER] = inputs.chaser.rotated(poses[CHASER].q);
+        external[TARGET] = inputs.target.rotated(poses[TARGET].q);
+        let kick = self.system.solve_kick(
+            &measured,
+            &self.memory.mechanism,
+            &com,
+            &start,
+            &external,
+            time_s,
+            h,
+            |i, w| bodies[i].kick_response(&mass[i], w, h),
+        );
+        for i in [CHASER, TARGET] {
+            self.memory.work_in_j +=
+                h * (external[i].f.dot(kick.mid[i].v) + external[i].m.dot(kick.mid[i].w));
+        }
+        self.system.commit(&mut self.memory.mechanism, &measured, &com, &kick, time_s, h);
+        self.memory.note(&measured, &kick, time_s, h);
+        self.memory.step += 1;
+        for i in [CHASER, RING, TARGET] {
+            if self.system.rigid() && i == RING {
+                continue;
+            }
+            let b = &mut self.world.bodies[self.handles[i]];
+            b.reset_forces(true);
+            b.reset_torques(true);
+            b.add_force(kick.wrench[i].f, true);
+            b.add_torque(kick.wrench[i].m, true);
+        }
+        self.world.step();
+    }
+
+    fn state(&self) -> DockingState {
+        let mass = self.system.mass();
+        let mut state = self.memory.clone();
+        state.bodies = core::array::from_fn(|i| {
+            let (x, t) = self.body(i);
+            let mut b = BodyState::new(&mass[i], x, t.v, x.q.conjugate() * t.w);
+            b.drift(&mass[i], -0.5 * self.step_s);
+            b
+        });
+        self.system.follow(&mut state.bodies);
+        state
+    }
+
+    fn digest(&self) -> Digest {
+        let mut h = StateHasher::new();
+        for i in [CHASER, RING, TARGET] {
+            if self.system.rigid() && i == RING {
+                continue;
+            }
+            let (x, t) = self.body(i);
+            h.vec3(x.p);
+            h.quat(x.q);
+            h.vec3(t.v);
+            h.vec3(t.w);
+        }
+        self.memory.mechanism.hash(&mut h);
+        h.u64(self.memory.step);
+        h.f64(self.memory.work_in_j);
+        h.finish()
+    }
+
+    fn snapshot(&self) -> FullSnapshot {
+        FullSnapshot { bodies: core::array::from_fn(|i| self.body(i)), memory: self.memory.clone() }
+    }
+
+    fn restore(&mut self, snapshot: &FullSnapshot) {
+        self.memory.clone_from(&snapshot.memory);
+        for (i, (x, t)) in snapshot.bodies.iter().enumerate() {
+            let b = &mut self.world.bodies[self.handles[i]];
+            b.set_position(RapierPose::from_parts(x.p, x.q), true);
+            b.set_linvel(t.v, true);
+            b.set_angvel(t.w, true);
+        }
+    }
+}

@@ -1,1 +1,37 @@
-//! rerun scene and blueprint.
+//! The recording of a run for the rerun viewer: a 3-D scene, plots, events and the layout
+//! (*blueprint*) that arranges them.
+//!
+//! One timeline, `sim_time`, in simulated time since the start of the run. The scene is drawn in
+//! the frame `e3`, the chaser's mounting plane: everything under the entity `scene` is relative to
+//! it, so that the mechanism stays in the middle of a camera that does not move while both vehicles
+//! drift through space.
+//!
+//! | entity | what |
+//! | --- | --- |
+//! | `scene/active_ring` | frame `r3`: ring and petals of the active side (orange), latches coloured by state (grey free, yellow approach, orange struck, green latched) |
+//! | `scene/target`, `…/passive_ring` | frames `e4` and `r4`: ring, petals and strikers of the passive side (blue) |
+//! | `scene/contacts/<class>/{point,normal,friction}` | present contacts, coloured by what touches: ring on ring yellow, petal on ring pink, petal on petal green, latch cyan; 0.5 m of arrow are 3 kN |
+//! | `scene/active_ring/peaks` | of every pair that touched before and does not now, its strongest contact, dimmed |
+//! | `scene/labels` | force and name of every pair that touches or touched, beside the mechanism as the camera first sees it |
+//! | `scene/active_ring/trace` | where the active side was ever touched |
+//! | `port`, `relative`, `ring`, `energy`, `latch` | curves |
+//! | `contact_table` | now and peak force of every pair of surfaces |
+//! | `events` | what the run reported |
+//!
+//! Hulls are a sign, not a model: a cylinder of the vehicle's own mass and inertia behind the port.
+//! So are the legs of an attenuator that is given as tables.
+//!
+//! This crate sees no physics engine and reads no clock.
+
+mod blueprint;
+mod columns;
+mod error;
+mod eye;
+mod mesh;
+mod paths;
+mod scene;
+mod style;
+mod writer;
+
+pub use error::ViewError;
+pub use writer::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter};

@@ -1,0 +1,127 @@
+use std::path::{Path, PathBuf};
+
+use toml::de::DeTable;
+
+use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
+use crate::load_spacecraft::read_spacecraft;
+use crate::problem::{Findings, Problem};
+
+/// What a model file describes, as its TOML says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Spacecraft,
+    MechanismActive,
+    MechanismPassive,
+}
+
+/// The `kind` of a TOML file, if it can be read.
+pub(crate) fn kind_of(toml: &Path) -> Option<Kind> {
+    let text = std::fs::read_to_string(toml).ok()?;
+    let (root, _) = DeTable::parse_recoverable(&text);
+    match root.get_ref().get("kind")?.get_ref().as_str()? {
+        "spacecraft" => Some(Kind::Spacecraft),
+        "mechanism_active" => Some(Kind::MechanismActive),
+        "mechanism_passive" => Some(Kind::MechanismPassive),
+        _ => None,
+    }
+}
+
+/// What a check of model files found, as lines of text.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Files read.
+    pub files: Vec<PathBuf>,
+    /// Every value that is used, with unit and note.
+    pub read: Vec<String>,
+    /// What is there but not used, and why.
+    pub ignored: Vec<String>,
+    /// What is wrong. Empty: the model is right.
+    pub refused: Vec<String>,
+}
+
+impl Report {
+    /// Everything, one line each, problems last.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines: Vec<String> =
+            self.files.iter().map(|f| format!("file    {}", f.display())).collect();
+        lines.extend(self.read.iter().map(|l| format!("read    {l}")));
+        lines.extend(self.ignored.iter().map(|l| format!("ignored {l}")));
+        lines.extend(self.refused.iter().map(|l| format!("refused {l}")));
+        lines.push(format!(
+            "{} values read, {} ignored, {} refused",
+            self.read.len(),
+            self.ignored.len(),
+            self.refused.len()
+        ));
+        lines
+    }
+}
+
+/// Checks any URDF or TOML of a model: reads it together with the file of the same name beside it,
+/// and a mechanism's side also with the other side when `…_active` and `…_passive` stand side by
+/// side.
+#[must_use]
+pub fn model_check(path: &Path) -> Report {
+    let urdf = path.with_extension("urdf");
+    let mut out = Findings::default();
+    match kind_of(&path.with_extension("toml")) {
+        Some(Kind::Spacecraft) => {
+            read_spacecraft(&urdf, true, &mut out);
+        }
+        Some(kind) => {
+            let (ours, theirs) = match kind {
+                Kind::MechanismActive => ("_active", "_passive"),
+                _ => ("_passive", "_active"),
+            };
+            let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let other = stem
+                .strip_suffix(ours)
+                .map(|s| urdf.with_file_name(format!("{s}{theirs}.urdf")))
+                .filter(|p| p.is_file());
+            let (active, passive) = match kind {
+                Kind::MechanismActive => (Some(urdf), other),
+                _ => (other, Some(urdf)),
+            };
+            let active = active.and_then(|p| read_active(&p, true, &mut out));
+            let passive = passive.and_then(|p| read_passive(&p, true, &mut out));
+            if let Some((a, p)) = active.zip(passive) {
+                let fit = mated_fit(&a.geometry, &p.geometry);
+                let joined = join(a, p, None, &mut out);
+                let mut lines = Vec::new();
+                // The clearances of wrong numbers mean nothing.
+                if let Some(mechanism) = joined.filter(|_| out.problems.is_empty()) {
+                    lines.push(format!("docked length = {:.6} m", mechanism.docked_length_m()));
+                    lines.push(format!(
+                        "mated clearance of petal to ring = {:.6} m",
+                        fit.petal_to_ring_m
+                    ));
+                    if let Some(play) = fit.roll_play_rad {
+                        lines.push(format!("mated roll play = ±{:.3} deg", play.to_degrees()));
+                    }
+                }
+                return report(out, lines);
+            }
+        }
+        None => out.problems.push(Problem {
+            file: path.into(),
+            key: "kind".into(),
+            what: "the TOML of this name cannot be read or names no known kind".into(),
+            allowed: "spacecraft | mechanism_active | mechanism_passive".into(),
+            remedy: "put a TOML of the same name beside the URDF with `kind = \"…\"`".into(),
+            ..Problem::default()
+        }),
+    }
+    report(out, Vec::new())
+}
+
+fn report(out: Findings, derived: Vec<String>) -> Report {
+    let mut read: Vec<String> = out.values.iter().map(ToString::to_string).collect();
+    read.extend(derived);
+    Report {
+        files: out.files.into_iter().map(|f| f.path).collect(),
+        read,
+        ignored: out.notes.iter().map(ToString::to_string).collect(),
+        refused: out.problems.iter().map(ToString::to_string).collect(),
+    }
+}

@@ -1,0 +1,988 @@
+use core::f64::consts::PI;
+use std::path::Path;
+
+use docktwin_core::{DMat3, DQuat, DVec3, Pose};
+
+use crate::load_spacecraft::check_header;
+use crate::problem::{Findings, Loaded, ModelErrors, Problem};
+use crate::toml_check::{Checker, Range, Table};
+use crate::urdf::{self, UrdfTree};
+use crate::{
+    Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
+    DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
+    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
+};
+
+/// Which attenuator carries the active ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AttenuationChoice {
+    /// Six tables, one per axis.
+    Characteristic,
+    /// Six coupled screw legs.
+    Differential,
+    /// None: the ring is part of the chaser.
+    Rigid,
+}
+
+impl AttenuationChoice {
+    /// Words by which files name the choices.
+    pub const WORDS: [(&'static str, Self); 3] = [
+        ("characteristic", Self::Characteristic),
+        ("differential", Self::Differential),
+        ("rigid", Self::Rigid),
+    ];
+}
+
+/// Reads both sides of a docking mechanism, each a URDF with a TOML of the same name beside it.
+/// Without `attenuation` the default of the active side's file is taken.
+///
+/// # Errors
+/// All problems of all four files, and those between the sides.
+pub fn load_mechanism(
+    active_urdf: &Path,
+    passive_urdf: &Path,
+    attenuation: Option<AttenuationChoice>,
+) -> Result<Loaded<DockingMechanism>, ModelErrors> {
+    let mut out = Findings::default();
+    let active = read_active(active_urdf, true, &mut out);
+    let passive = read_passive(passive_urdf, true, &mut out);
+    let model = active.zip(passive).and_then(|(a, p)| join(a, p, attenuation, &mut out));
+    out.finish(model)
+}
+
+/// The active side as read, with every attenuator of its file.
+#[derive(Clone, Debug)]
+pub(crate) struct ActiveSide {
+    pub(crate) name: String,
+    pub(crate) geometry: SideGeometry,
+    toml: std::path::PathBuf,
+    /// Whether every parameter was read well; otherwise placeholders are among them.
+    clean: bool,
+    ring_body: RingBody,
+    ring_rest_offset_m: f64,
+    contact: ContactLaw,
+    default_choice: AttenuationChoice,
+    characteristic: Option<CharacteristicAttenuator>,
+    differential: Option<DifferentialAttenuator>,
+    latches: Option<LatchSet>,
+    limits: MechanismLimits,
+    outcome: OutcomeRules,
+}
+
+/// The passive side as read.
+#[derive(Clone, Debug)]
+pub(crate) struct PassiveSide {
+    pub(crate) name: String,
+    pub(crate) geometry: SideGeometry,
+    toml: std::path::PathBuf,
+    /// As for the active side.
+    clean: bool,
+    ring_offset_m: f64,
+}
+
+pub(crate) fn read_active(
+    urdf_path: &Path,
+    meshes: bool,
+    out: &mut Findings,
+) -> Option<ActiveSide> {
+    let (toml, tree, text) = open(urdf_path, "active side", meshes, out);
+    let text = text?;
+    let checker = Checker::new(&toml, &text);
+    let side = checker.read(|t| {
+        check_header(t, "mechanism_active");
+        let ring_rest_offset_m =
+            t.section("placement", |p| p.noted("ring_rest_offset_m", Range::positive(2.0)));
+        let geometry = read_geometry(t);
+        let ring_body = t.section("ring_body", read_ring_body);
+        let contact = t.section("contact", read_contact);
+        let (default_choice, characteristic, differential) =
+            t.section("attenuation", |a| read_attenuation(a, ring_rest_offset_m));
+        let latches = t.optional_section("latches", read_latches);
+        let limits = t.section("limits", read_limits);
+        let outcome = t.section("outcome", |o| OutcomeRules {
+            guided_radius_m: o.noted("guided_radius_m", Range::positive(5.0)),
+            settled_speed_m_s: o.noted("settled_speed_m_s", Range::positive(1.0)),
+            settled_rate_rad_s: o.noted("settled_rate_deg_s", Range::positive(60.0)).to_radians(),
+            jam_time_s: o.noted("jam_time_s", Range::positive(1e4)),
+        });
+        ActiveSide {
+            name: String::new(),
+            geometry,
+            toml: toml.clone(),
+            clean: false,
+            ring_body,
+            ring_rest_offset_m,
+            contact,
+            default_choice,
+            characteristic,
+            differential,
+            latches,
+            limits,
+            outcome,
+        }
+    });
+    let clean = checker.is_clean();
+    let (problems, values) = checker.finish();
+    out.problems.extend(problems);
+    out.values.extend(values);
+    let (tree, mut side) = (tree?, side?);
+    side.name.clone_from(&tree.robot.name);
+    side.clean = clean;
+    // Placements are compared only with parameters that were read well.
+    if clean {
+        let ring = Pose::from_translation(DVec3::X * side.ring_rest_offset_m);
+        let expect = Placements { urdf_path, toml: &toml, tree: &tree };
+        expect.check(ring, "placement.ring_rest_offset_m", "floating", &side.geometry, out);
+        expect.check_ring_body(&side.ring_body, out);
+    }
+    Some(side)
+}
+
+pub(crate) fn read_passive(
+    urdf_path: &Path,
+    meshes: bool,
+    out: &mut Findings,
+) -> Option<PassiveSide> {
+    let (toml, tree, text) = open(urdf_path, "passive side", meshes, out);
+    let text = text?;
+    let checker = Checker::new(&toml, &text);
+    let side = checker.read(|t| {
+        check_header(t, "mechanism_passive");
+        let ring_offset_m =
+            t.section("placement", |p| p.noted("passive_ring_offset_m", Range::within(0.0, 2.0)));
+        let geometry = read_geometry(t);
+        PassiveSide {
+            name: String::new(),
+            geometry,
+            toml: toml.clone(),
+            clean: false,
+            ring_offset_m,
+        }
+    });
+    let clean = checker.is_clean();
+    let (problems, values) = checker.finish();
+    out.problems.extend(problems);
+    out.values.extend(values);
+    let (tree, mut side) = (tree?, side?);
+    side.name.clone_from(&tree.robot.name);
+    side.clean = clean;
+    if clean {
+        // r4: e4 turned by 180° about Z.
+        let ring = Pose::new(-DVec3::X * side.ring_offset_m, DQuat::from_rotation_z(PI));
+        let expect = Placements { urdf_path, toml: &toml, tree: &tree };
+        expect.check(ring, "placement.passive_ring_offset_m", "fixed", &side.geometry, out);
+        for link in &tree.with_inertial {
+            out.notes.push(crate::Note {
+                file: urdf_path.into(),
+                line: tree.line("link", link),
+                what: format!(
+                    "inertial of link `{link}` is ignored: the passive side is part of the target"
+                ),
+            });
+        }
+    }
+    Some(side)
+}
+
+fn open(
+    urdf_path: &Path,
+    side: &str,
+    meshes: bool,
+    out: &mut Findings,
+) -> (std::path::PathBuf, Option<UrdfTree>, Option<String>) {
+    let urdf_text = out.read(urdf_path, &format!("URDF of the {side}"));
+    let toml = urdf_path.with_extension("toml");
+    let toml_text = out.read(&toml, &format!("TOML of the {side}"));
+    let tree = urdf_text.and_then(|text| urdf::read(urdf_path, &text, meshes, out));
+    (toml, tree, toml_text)
+}
+
+// Sections of the TOML -------------------------------------------------------------------------
+
+fn read_geometry(t: &Table<'_, '_>) -> SideGeometry {
+    let ring = t.section("ring", |r| {
+        let ring = RingGeometry {
+            mean_radius_m: r.noted("mean_radius_m", Range::positive(5.0)),
+            section_radius_m: r.noted("section_radius_m", Range::positive(0.5)),
+            segments: r.noted_count("segments", 8, 720),
+        };
+        if ring.section_radius_m >= ring.mean_radius_m {
+            r.refuse(
+                "section_radius_m",
+                format!("is not below the mean radius, {} m", ring.mean_radius_m),
+                "make the section thinner than the ring",
+            );
+        }
+        ring
+    });
+    let petals = t.optional_section("petals", |p| {
+        let petals = PetalGeometry {
+            count: p.noted_count("count", 1, 12),
+            first_azimuth_rad: p
+                .noted("first_azimuth_deg", Range::within(-360.0, 360.0))
+                .to_radians(),
+            base_radius_m: p.noted("base_radius_m", Range::positive(5.0)),
+            tip_radius_m: p.noted("tip_radius_m", Range::positive(5.0)),
+            height_m: p.noted("height_m", Range::positive(2.0)),
+            base_half_angle_rad: p.noted("base_half_angle_deg", Range::positive(90.0)).to_radians(),
+            tip_half_angle_rad: p.noted("tip_half_angle_deg", Range::positive(90.0)).to_radians(),
+            thickness_m: p.noted("thickness_m", Range::positive(0.2)),
+            strips: p.noted_count("strips", 1, 64),
+            flexural_rigidity_n_m2: p.noted("flexural_rigidity_n_m2", Range::positive(1e12)),
+        };
+        let widest = petals.base_half_angle_rad.max(petals.tip_half_angle_rad);
+        let room = PI / f64::from(petals.count);
+        if widest >= room {
+            p.refuse(
+                "base_half_angle_deg",
+                format!(
+                    "neighbouring petals of this side overlap: the wider half-angle is {:.1}° and \
+                     must stay below 180°/count = {:.1}°",
+                    widest.to_degrees(),
+                    room.to_degrees()
+                ),
+                "make the half-angles or the count smaller",
+            );
+        }
+        if petals.thickness_m >= petals.height_m {
+            p.refuse(
+                "thickness_m",
+                format!("is not below the height, {} m", petals.height_m),
+                "make the petal thinner",
+            );
+        }
+        let off_ring = (petals.base_radius_m - ring.mean_radius_m).abs();
+        if off_ring > ring.section_radius_m + petals.thickness_m / 2.0 {
+            p.refuse(
+                "base_radius_m",
+                format!("the petals float free of the ring of radius {} m", ring.mean_radius_m),
+                "bring the base within the section of the ring",
+            );
+        }
+        petals
+    });
+    SideGeometry { ring, petals }
+}
+
+fn read_ring_body(t: &Table<'_, '_>) -> RingBody {
+    let mass_kg = t.noted("mass_kg", Range::positive(1e5));
+    let com_m = DVec3::from_array(t.noted_list("com_m", Range::within(-5.0, 5.0)));
+    let rows = t.noted_rows::<3>("inertia_kg_m2", Range::within(-1e7, 1e7), Some(3));
+    let Ok(rows) = <[[f64; 3]; 3]>::try_from(rows) else {
+        return RingBody { mass_kg, com_m, inertia_kg_m2: DMat3::NAN };
+    };
+    let m = DMat3::from_cols_array_2d(&rows);
+    let asymmetry = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+    if asymmetry.into_iter().any(|(i, j)| (rows[i][j] - rows[j][i]).abs() > 1e-12) {
+        t.refuse("inertia_kg_m2", "is not symmetric", "make element ij equal to element ji");
+    } else if m.is_finite() {
+        let p = urdf::principal_moments(m);
+        if p[0] <= 0.0 || p[0] + p[1] < p[2] * (1.0 - 1e-9) {
+            t.refuse(
+                "inertia_kg_m2",
+                format!(
+                    "is not that of any body: principal moments {} {} {} must be above 0 and each \
+                     at most the sum of the others",
+                    p[0], p[1], p[2]
+                ),
+                "change the tensor",
+            );
+        }
+    }
+    RingBody { mass_kg, inertia_kg_m2: m, com_m }
+}
+
+/// Which normal law a file asks for.
+#[derive(Clone, Copy)]
+enum NormalKind {
+    HuntCrossley,
+    KelvinVoigt,
+}
+
+/// Ranges of the contact law, shared with scenarios that override parts of it.
+pub mod contact_ranges {
+    use crate::toml_check::Range;
+
+    /// Stiffness, N/mⁿ.
+    pub const STIFFNESS: Range = Range::positive(1e12);
+    /// Exponent of Hunt–Crossley.
+    pub const EXPONENT: Range = Range::within(1.0, 3.0);
+    /// Damping of Hunt–Crossley, s/m.
+    pub const DAMPING_S_M: Range = Range::within(0.0, 100.0);
+    /// Damping of Kelvin–Voigt, N·s/m.
+    pub const DAMPING_N_S_M: Range = Range::within(0.0, 1e7);
+    /// Friction coefficients.
+    pub const FRICTION: Range = Range::within(0.0, 2.0);
+    /// Stribeck velocity, m/s.
+    pub const STRIBECK_VELOCITY: Range = Range::within(1e-6, 1.0);
+    /// Break-away displacement of the bristle, m.
+    pub const BRISTLE_BREAKAWAY: Range = Range::within(1e-8, 0.01);
+    /// Damping time of the bristle, s.
+    pub const BRISTLE_DAMPING: Range = Range::within(0.0, 1.0);
+    /// Merging depth, m.
+    pub const MERGE_DEPTH: Range = Range::within(1e-7, 0.01);
+}
+
+fn read_contact(t: &Table<'_, '_>) -> ContactLaw {
+    use contact_ranges as r;
+    let words =
+        [("hunt_crossley", NormalKind::HuntCrossley), ("kelvin_voigt", NormalKind::KelvinVoigt)];
+    let kind = t.choice("normal_law", &words).unwrap_or(NormalKind::HuntCrossley);
+    let stiffness = t.noted("stiffness_n_m", r::STIFFNESS);
+    let normal = match kind {
+        NormalKind::HuntCrossley => NormalLaw::HuntCrossley {
+            stiffness,
+            exponent: t.noted("exponent", r::EXPONENT),
+            damping_s_m: t.noted("damping_s_m", r::DAMPING_S_M),
+        },
+        NormalKind::KelvinVoigt => NormalLaw::KelvinVoigt {
+            stiffness,
+            damping_n_s_m: t.noted("damping_n_s_m", r::DAMPING_N_S_M),
+        },
+    };
+    let law = ContactLaw {
+        normal,
+        friction_kinetic: t.noted("friction_kinetic", r::FRICTION),
+        friction_static: t.noted("friction_static", r::FRICTION),
+        stribeck_velocity_m_s: t.noted("stribeck_velocity_m_s", r::STRIBECK_VELOCITY),
+        bristle_breakaway_m: t.noted("bristle_breakaway_m", r::BRISTLE_BREAKAWAY),
+        bristle_damping_s: t.noted("bristle_damping_s", r::BRISTLE_DAMPING),
+        merge_depth_m: t.noted("merge_depth_m", r::MERGE_DEPTH),
+    };
+    if law.friction_static < law.friction_kinetic {
+        t.refuse(
+            "friction_static",
+            format!("is below the kinetic coefficient, {}", law.friction_kinetic),
+            "make it at least as large",
+        );
+    }
+    law
+}
+
+type Attenuations =
+    (AttenuationChoice, Option<CharacteristicAttenuator>, Option<DifferentialAttenuator>);
+
+fn read_attenuation(t: &Table<'_, '_>, ring_rest_offset_m: f64) -> Attenuations {
+    let default_choice =
+        t.choice("default", &AttenuationChoice::WORDS).unwrap_or(AttenuationChoice::Rigid);
+    let damped = t.has("characteristic") || t.has("differential");
+    let damping_ramp_s = if damped || t.has("damping_ramp_s") {
+        t.noted("damping_ramp_s", Range::within(0.0, 100.0))
+    } else {
+        0.0
+    };
+    let characteristic = t.optional_section("characteristic", |c| CharacteristicAttenuator {
+        axial: c.section("axial", |t| read_channel(t, &TRANSLATION)),
+        lateral: c.section("lateral", |t| read_channel(t, &TRANSLATION)),
+        tilt: c.section("tilt", |t| read_channel(t, &ROTATION)),
+        roll: c.section("roll", |t| read_channel(t, &ROTATION)),
+        damping_ramp_s,
+    });
+    let differential = t
+        .optional_section("differential", |d| {
+            read_differential(d, ring_rest_offset_m, damping_ramp_s)
+        })
+        .flatten();
+    let missing = match default_choice {
+        AttenuationChoice::Characteristic => !t.has("characteristic"),
+        AttenuationChoice::Differential => !t.has("differential"),
+        AttenuationChoice::Rigid => false,
+    };
+    if missing {
+        t.refuse(
+            "default",
+            "is not described in this file",
+            "add the table [attenuation.<choice>] or name another default",
+        );
+    }
+    (default_choice, characteristic, differential)
+}
+
+/// Keys of a channel: the same in metres and newtons, or in degrees, radians and newton metres.
+struct ChannelKeys {
+    loading: &'static str,
+    unloading: &'static str,
+    branch_change: &'static str,
+    before: &'static str,
+    after: &'static str,
+    brake_force: &'static str,
+    brake_viscous: &'static str,
+    dry: &'static str,
+    negative: &'static str,
+    positive: &'static str,
+    stop_stiffness: &'static str,
+    stop_damping: &'static str,
+    /// From the unit of lengths in the file to that in the code.
+    to_si: f64,
+    travel: Range,
+    branch: Range,
+}
+
+const TRANSLATION: ChannelKeys = ChannelKeys {
+    loading: "loading_n_over_m",
+    unloading: "unloading_n_over_m",
+    branch_change: "branch_change_m",
+    before: "damping_before_capture_n_s_m",
+    after: "damping_after_capture_n_s_m",
+    brake_force: "force_n",
+    brake_viscous: "viscous_n_s_m",
+    dry: "dry_friction_n",
+    negative: "travel_negative_m",
+    positive: "travel_positive_m",
+    stop_stiffness: "stop_stiffness_n_m",
+    stop_damping: "stop_damping_n_s_m",
+    to_si: 1.0,
+    travel: Range::within(0.0, 5.0),
+    branch: Range::positive(1.0),
+};
+
+const ROTATION: ChannelKeys = ChannelKeys {
+    loading: "loading_nm_over_rad",
+    unloading: "unloading_nm_over_rad",
+    branch_change: "branch_change_deg",
+    before: "damping_before_capture_nm_s_rad",
+    after: "damping_after_capture_nm_s_rad",
+    brake_force: "force_nm",
+    brake_viscous: "viscous_nm_s_rad",
+    dry: "dry_friction_nm",
+    negative: "travel_negative_deg",
+    positive: "travel_positive_deg",
+    stop_stiffness: "stop_stiffness_nm_rad",
+    stop_damping: "stop_damping_nm_s_rad",
+    to_si: PI / 180.0,
+    travel: Range::within(0.0, 90.0),
+    branch: Range::positive(90.0),
+};
+
+fn read_channel(t: &Table<'_, '_>, k: &ChannelKeys) -> AxisChannel {
+    let damping = Range::within(0.0, 1e8);
+    let force = Range::within(0.0, 1e8);
+    let channel = AxisChannel {
+        loading: read_curve(t, k.loading),
+        unloading: read_curve(t, k.unloading),
+        branch_change: k.to_si * t.noted(k.branch_change, k.branch),
+        damping: DampingPhases {
+            before_capture: t.noted(k.before, damping),
+            after_capture: t.noted(k.after, damping),
+        },
+        series_brake: t.optional_section("series_brake", |b| SeriesBrake {
+            force: b.noted(k.brake_force, Range::positive(1e8)),
+            viscous: b.noted(k.brake_viscous, damping),
+        }),
+        dry_friction: t.noted(k.dry, force),
+        travel_negative: k.to_si * t.noted(k.negative, k.travel),
+        travel_positive: k.to_si * t.noted(k.positive, k.travel),
+        stop_stiffness: t.noted(k.stop_stiffness, Range::positive(1e12)),
+        stop_damping: t.noted(k.stop_damping, damping),
+    };
+    if let Some(x) = first_above(&channel.unloading, &channel.loading) {
+        t.refuse(
+            k.unloading,
+            format!("lies above the loading branch at {x}, which would make energy"),
+            "lower it to the loading branch or below",
+        );
+    }
+    channel
+}
+
+fn read_curve(t: &Table<'_, '_>, key: &'static str) -> PiecewiseCurve {
+    let points = t.noted_rows::<2>(key, Range::within(0.0, 1e9), None);
+    let rises = points.windows(2).all(|w| w[1][0] > w[0][0] && w[1][1] >= w[0][1]);
+    if points.iter().flatten().all(|x| x.is_finite()) && !points.is_empty() {
+        if points[0][0] > 0.0 {
+            t.refuse(key, "does not start at deflection 0", "start with [0, F0]");
+        }
+        if !rises {
+            t.refuse(
+                key,
+                "does not rise: each point needs a larger deflection and no smaller force than the \
+                 one before",
+                "sort or mend the points",
+            );
+        }
+    }
+    PiecewiseCurve { points }
+}
+
+/// First deflection at which one curve lies above another, looking at the corners of both and at
+/// the slopes with which they are extended.
+fn first_above(upper: &PiecewiseCurve, lower: &PiecewiseCurve) -> Option<f64> {
+    let (u, l) = (&upper.points, &lower.points);
+    if u.len() < 2 || l.len() < 2 {
+        return None;
+    }
+    let mut at: Vec<f64> = u.iter().chain(l).map(|p| p[0]).collect();
+    at.sort_by(f64::total_cmp);
+    // One point far out stands for the extension.
+    at.push(at.last().copied().unwrap_or(0.0) * 1e3 + 1.0);
+    at.into_iter().find(|x| value_at(u, *x) > value_at(l, *x) * (1.0 + 1e-9) + 1e-9)
+}
+
+fn value_at(points: &[[f64; 2]], x: f64) -> f64 {
+    let i = points.partition_point(|p| p[0] <= x).clamp(1, points.len() - 1);
+    let ([x0, y0], [x1, y1]) = (points[i - 1], points[i]);
+    y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+}
+
+fn read_differential(
+    t: &Table<'_, '_>,
+    ring_rest_offset_m: f64,
+    damping_ramp_s: f64,
+) -> Option<DifferentialAttenuator> {
+    let joints = |key| {
+        let rows = t.noted_rows::<3>(key, Range::within(-5.0, 5.0), Some(6));
+        let points: Vec<_> = rows.into_iter().map(DVec3::from_array).collect();
+        <[DVec3; 6]>::try_from(points).ok()
+    };
+    let base_joints_m = joints("base_joints_m");
+    let ring_joints_m = joints("ring_joints_m");
+    let rows = t.noted_rows::<6>("coupling", Range::within(-100.0, 100.0), Some(6));
+    let coupling = <[[f64; 6]; 6]>::try_from(rows).ok();
+    let channels = t.sections("channels", |c| read_channel(c, &TRANSLATION));
+    let found = channels.len();
+    let channels = <[AxisChannel; 6]>::try_from(channels).ok();
+    if channels.is_none() {
+        t.refuse(
+            "channels",
+            format!("{found} channels, but there are six brake coordinates"),
+            "give [[attenuation.differential.channels]] six times",
+        );
+    }
+    let (base, ring, coupling) = (base_joints_m?, ring_joints_m?, coupling?);
+    if coupling.iter().flatten().all(|x| x.is_finite()) && is_singular(coupling) {
+        t.refuse(
+            "coupling",
+            "is singular: some motion of the legs would meet no brake at all",
+            "make the six rows independent",
+        );
+    }
+    let rest = DVec3::X * ring_rest_offset_m;
+    if rest.is_finite() && base.iter().chain(&ring).all(|p| p.is_finite()) {
+        // Rows (n, r × n): leg rates from velocity and rate of the ring about its centre.
+        let jacobian: [[f64; 6]; 6] = core::array::from_fn(|i| {
+            let n = (rest + ring[i] - base[i]).normalize_or_zero();
+            let m = ring[i].cross(n);
+            [n.x, n.y, n.z, m.x, m.y, m.z]
+        });
+        if is_singular(jacobian) {
+            t.refuse(
+                "ring_joints_m",
+                "the legs do not hold the ring: the Jacobian at rest is singular",
+                "move the joints, so that the legs are neither parallel nor meet in one line",
+            );
+        }
+    }
+    Some(DifferentialAttenuator {
+        base_joints_m: base,
+        ring_joints_m: ring,
+        coupling,
+        channels: channels?,
+        damping_ramp_s,
+    })
+}
+
+/// Whether elimination with pivoting meets a pivot below 1e-6 of the first.
+fn is_singular(mut a: [[f64; 6]; 6]) -> bool {
+    let mut first = 0.0;
+    for k in 0..6 {
+        let pivot = (k..6).max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs())).unwrap_or(k);
+        a.swap(k, pivot);
+        let p = a[k];
+        if k == 0 {
+            first = p[0].abs();
+        }
+        if p[k].abs() <= 1e-6 * first {
+            return true;
+        }
+        for row in a.iter_mut().skip(k + 1) {
+            let f = row[k] / p[k];
+            row.iter_mut().zip(p).for_each(|(x, y)| *x -= f * y);
+        }
+    }
+    false
+}
+
+fn read_latches(t: &Table<'_, '_>) -> LatchSet {
+    let length = Range::positive(1.0);
+    let set = LatchSet {
+        azimuths_rad: t
+            .noted_list::<3>("azimuths_deg", Range::within(-360.0, 360.0))
+            .map(f64::to_radians),
+        approach_gap_m: t.noted("approach_gap_m", length),
+        strike_gap_m: t.noted("strike_gap_m", length),
+        catch_gap_m: t.noted("catch_gap_m", length),
+        radial_zone_m: t.noted("radial_zone_m", length),
+        tangential_zone_m: t.noted("tangential_zone_m", length),
+        hold_stiffness_n_m: t.noted("hold_stiffness_n_m", Range::positive(1e12)),
+        joined_stiffness_n_m: t.noted("joined_stiffness_n_m", Range::positive(1e12)),
+        joined_damping_n_s_m: t.noted("joined_damping_n_s_m", Range::within(0.0, 1e8)),
+    };
+    if set.strike_gap_m < set.catch_gap_m {
+        let what = format!("is below the catch gap, {} m", set.catch_gap_m);
+        t.refuse("strike_gap_m", what, "a latch is struck before it catches: make it larger");
+    }
+    if set.approach_gap_m < set.strike_gap_m {
+        let what = format!("is below the strike gap, {} m", set.strike_gap_m);
+        t.refuse("approach_gap_m", what, "a latch approaches before it is struck: make it larger");
+    }
+    let [a, b, c] = set.azimuths_rad;
+    for (x, y) in [(a, b), (b, c), (c, a)] {
+        if turn(x, y) < 30f64.to_radians() {
+            let what = format!("has two latches only {:.1}° apart", turn(x, y).to_degrees());
+            t.refuse("azimuths_deg", what, "spread the three latches, 30° or more apart");
+        }
+    }
+    set
+}
+
+fn read_limits(t: &Table<'_, '_>) -> MechanismLimits {
+    let load = Range::positive(1e9);
+    MechanismLimits {
+        tension_n: t.noted("tension_n", load),
+        compression_n: t.noted("compression_n", load),
+        shear_n: t.noted("shear_n", load),
+        torsion_nm: t.noted("torsion_nm", load),
+        bending_nm: t.noted("bending_nm", load),
+        depth_m: t.noted("depth_m", Range::positive(0.04)),
+        overtravel_m: t.noted("overtravel_m", Range::positive(5.0)),
+    }
+}
+
+/// Angle between two azimuths, 0..π.
+fn turn(a: f64, b: f64) -> f64 {
+    let d = (a - b).rem_euclid(2.0 * PI);
+    d.min(2.0 * PI - d)
+}
+
+// URDF against TOML ----------------------------------------------------------------------------
+
+/// Compares what the URDF places with the parameters of the TOML, which are the source.
+struct Placements<'a> {
+    urdf_path: &'a Path,
+    toml: &'a Path,
+    tree: &'a UrdfTree,
+}
+
+impl Placements<'_> {
+    fn refuse(
+        &self,
+        line: Option<usize>,
+        key: String,
+        value: String,
+        what: String,
+        out: &mut Findings,
+    ) {
+        out.problems.push(Problem {
+            file: self.urdf_path.into(),
+            line,
+            key,
+            value,
+            what,
+            remedy: format!(
+                "change the URDF: the parameter with its source stands in {}",
+                self.toml.display()
+            ),
+            ..Problem::default()
+        });
+    }
+
+    /// `mount` → `ring` at `x_mount_ring`, `ring` → `petal_i` turned by the petal's azimuth.
+    fn check(
+        &self,
+        x_mount_ring: Pose,
+        offset_key: &str,
+        ring_joint: &str,
+        geometry: &SideGeometry,
+        out: &mut Findings,
+    ) {
+        let mut expected = vec![("mount".to_owned(), Pose::IDENTITY)];
+        expected.push(("ring".to_owned(), x_mount_ring));
+        if let Some(p) = &geometry.petals {
+            for i in 0..p.count {
+                let turned = Pose::new(DVec3::ZERO, DQuat::from_rotation_x(p.azimuth_rad(i)));
+                expected.push((format!("petal_{i}"), x_mount_ring * turned));
+            }
+        }
+        for (name, want) in &expected {
+            let key = format!("link `{name}`");
+            let Some(got) = self.tree.links.get(name) else {
+                let what = "is missing".to_owned();
+                self.refuse(None, key, String::new(), what, out);
+                continue;
+            };
+            let joint = self.tree.robot.joints.iter().find(|j| j.child.link == *name);
+            let line = joint.and_then(|j| self.tree.line("joint", &j.name));
+            let apart = (got.p - want.p).length();
+            let turned = got.q.angle_between(want.q);
+            if apart > 1e-6 || turned > 1e-6 {
+                let (source, says) = if name == "ring" || name == "mount" {
+                    (offset_key, format!("{:?} m", want.p.to_array()))
+                } else {
+                    (
+                        "petals.first_azimuth_deg and petals.count",
+                        format!(
+                            "{:?} m, petals turned about X by their azimuths",
+                            want.p.to_array()
+                        ),
+                    )
+                };
+                let value = format!("{:?} m", got.p.to_array());
+                let what = format!(
+                    "stands {apart:.6} m and {:.4}° from where {source} puts it, {says}",
+                    turned.to_degrees()
+                );
+                self.refuse(line, key, value, what, out);
+            }
+        }
+        for link in &self.tree.robot.links {
+            if !expected.iter().any(|(name, _)| *name == link.name) {
+                let names: Vec<_> = expected.iter().map(|(n, _)| n.as_str()).collect();
+                self.refuse(
+                    self.tree.line("link", &link.name),
+                    format!("link `{}`", link.name),
+                    String::new(),
+                    format!("is not a part of this side, which has {}", names.join(", ")),
+                    out,
+                );
+            }
+        }
+        for joint in &self.tree.robot.joints {
+            let want = if joint.child.link == "ring" { ring_joint } else { "fixed" };
+            let got = format!("{:?}", joint.joint_type).to_lowercase();
+            if got != want {
+                out.problems.push(Problem {
+                    file: self.urdf_path.into(),
+                    line: self.tree.line("joint", &joint.name),
+                    key: format!("joint `{}` type", joint.name),
+                    value: got,
+                    what: "is not the type of this joint".into(),
+                    allowed: want.into(),
+                    remedy: "change the type".into(),
+                    ..Problem::default()
+                });
+            }
+        }
+    }
+
+    fn check_ring_body(&self, want: &RingBody, out: &mut Findings) {
+        let links = &self.tree.robot.links;
+        let Some(ring) = links.iter().find(|l| l.name == "ring") else { return };
+        let line = self.tree.line("link", "ring");
+        if !self.tree.with_inertial.contains("ring") {
+            let what = "has no inertial, but ring_body has a mass".to_owned();
+            self.refuse(line, "link `ring`".into(), String::new(), what, out);
+            return;
+        }
+        for name in self.tree.with_inertial.iter().filter(|n| *n != "ring") {
+            let what =
+                "has an inertial: the mass of petals and latches belongs to `ring`, that of \
+                        the mount to the chaser"
+                    .to_owned();
+            let line = self.tree.line("link", name);
+            self.refuse(line, format!("link `{name}`"), String::new(), what, out);
+        }
+        let got = urdf::mass_of(self.urdf_path, self.tree, ring, Pose::IDENTITY, out);
+        let far = |a: f64, b: f64, scale: f64| (a - b).abs() > 1e-6 * scale;
+        if far(got.mass_kg, want.mass_kg, want.mass_kg) {
+            let what = format!("differs from ring_body.mass_kg = {} kg", want.mass_kg);
+            self.refuse(
+                line,
+                "mass of link `ring`".into(),
+                format!("{} kg", got.mass_kg),
+                what,
+                out,
+            );
+        }
+        if (got.com_m - want.com_m).length() > 1e-6 {
+            let what = format!("differs from ring_body.com_m = {:?} m", want.com_m.to_array());
+            let value = format!("{:?} m", got.com_m.to_array());
+            self.refuse(line, "mass centre of link `ring`".into(), value, what, out);
+        }
+        let scale = want.inertia_kg_m2.x_axis.x.abs();
+        let (g, w) = (got.inertia_kg_m2.to_cols_array(), want.inertia_kg_m2.to_cols_array());
+        if g.iter().zip(w).any(|(a, b)| far(*a, b, scale)) {
+            let what = format!("differs from ring_body.inertia_kg_m2 = {w:?} kg·m²");
+            let value = format!("{g:?} kg·m²");
+            self.refuse(line, "inertia of link `ring`".into(), value, what, out);
+        }
+    }
+}
+
+// Both sides -----------------------------------------------------------------------------------
+
+/// How the sides fit when docked: rings face to face, `R_34 = I`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MatedFit {
+    /// Smallest distance between a petal and the ring of the other side, m; below 0 they collide.
+    pub petal_to_ring_m: f64,
+    /// Roll either way until petals of the two sides touch, rad; below 0 they collide. `None` when
+    /// one side has no petals.
+    pub roll_play_rad: Option<f64>,
+}
+
+/// Clearances of two sides when docked.
+#[must_use]
+pub fn mated_fit(active: &SideGeometry, passive: &SideGeometry) -> MatedFit {
+    let planes_m = active.ring.section_radius_m + passive.ring.section_radius_m;
+    let to_ring = |petals: &Option<PetalGeometry>, ring: &RingGeometry| {
+        let Some(p) = petals else { return f64::INFINITY };
+        // In a meridian plane: from the circle (planes_m, mean radius) to the line of the petal.
+        let (ax, ar) = (p.height_m, p.tip_radius_m - p.base_radius_m);
+        let (bx, br) = (planes_m, ring.mean_radius_m - p.base_radius_m);
+        let s = ((ax * bx + ar * br) / (ax * ax + ar * ar)).clamp(0.0, 1.0);
+        (bx - s * ax).hypot(br - s * ar) - p.thickness_m / 2.0 - ring.section_radius_m
+    };
+    let petal_to_ring_m =
+        to_ring(&active.petals, &passive.ring).min(to_ring(&passive.petals, &active.ring));
+    let roll_play_rad = active.petals.zip(passive.petals).map(|(a, p)| {
+        let azimuths =
+            |g: &PetalGeometry| (0..g.count).map(|i| g.azimuth_rad(i)).collect::<Vec<_>>();
+        // r4 is turned by 180° about Z: azimuth β of the passive side is π − β seen from r3.
+        let mut play = f64::INFINITY;
+        for x in azimuths(&a) {
+            for y in azimuths(&p) {
+                play = play.min(turn(x, PI - y));
+            }
+        }
+        // Both half-angles change linearly between the ring planes, so the ends decide.
+        let half = |g: &PetalGeometry, x: f64| {
+            let s = (x / g.height_m).clamp(0.0, 1.0);
+            let radius = g.base_radius_m + s * (g.tip_radius_m - g.base_radius_m);
+            g.base_half_angle_rad
+                + s * (g.tip_half_angle_rad - g.base_half_angle_rad)
+                + g.thickness_m / 2.0 / radius
+        };
+        let at = |x: f64| half(&a, x) + half(&p, planes_m - x);
+        play - at(0.0).max(at(planes_m))
+    });
+    MatedFit { petal_to_ring_m, roll_play_rad }
+}
+
+/// Whether petals lean inward.
+fn leans_inward(p: &PetalGeometry) -> bool {
+    p.tip_radius_m < p.base_radius_m
+}
+
+/// Refuses sides that collide when docked.
+fn check_fit(active: &ActiveSide, passive: &PassiveSide, out: &mut Findings) {
+    let mut refuse = |file: &Path, key: &str, value: String, what: String, remedy: &str| {
+        out.problems.push(Problem {
+            file: file.into(),
+            key: key.into(),
+            value,
+            what,
+            remedy: remedy.into(),
+            ..Problem::default()
+        });
+    };
+    let fit = mated_fit(&active.geometry, &passive.geometry);
+    if let (Some(a), Some(p)) = (&active.geometry.petals, &passive.geometry.petals) {
+        let both = (a.base_half_angle_rad + p.base_half_angle_rad).to_degrees();
+        let room = 180.0 / f64::from(a.count);
+        if a.count != p.count {
+            let what = format!("the active side has {}, so they cannot interleave", a.count);
+            let value = p.count.to_string();
+            refuse(&passive.toml, "petals.count", value, what, "give both sides the same count");
+        } else if both >= room {
+            refuse(
+                &passive.toml,
+                "petals.base_half_angle_deg",
+                format!("{:.3}", p.base_half_angle_rad.to_degrees()),
+                format!(
+                    "petals collide when docked: the base half-angles of both sides add up to \
+                     {both:.2}°, and 180°/count = {room:.2}°"
+                ),
+                "make one of the half-angles smaller",
+            );
+        } else if let Some(play) = fit.roll_play_rad
+            && play <= 0.0
+        {
+            refuse(
+                &passive.toml,
+                "petals.first_azimuth_deg",
+                format!("{:.3}", p.first_azimuth_rad.to_degrees()),
+                format!(
+                    "petals collide when docked: roll play {:.2}° (azimuth β of the passive side \
+                     is 180° − β seen from the active ring)",
+                    play.to_degrees()
+                ),
+                "turn the petals of one side, or make them narrower or thinner",
+            );
+        }
+        if leans_inward(a) != leans_inward(p) {
+            let what = "petals of one side lean inward, those of the other outward".to_owned();
+            let remedy = "let both lean the same way";
+            refuse(&passive.toml, "petals.tip_radius_m", p.tip_radius_m.to_string(), what, remedy);
+        }
+    }
+    if fit.petal_to_ring_m <= 0.0 {
+        refuse(
+            &active.toml,
+            "petals.base_radius_m",
+            String::new(),
+            format!(
+                "petals collide with the ring of the other side when docked, by {:.2} mm",
+                -1e3 * fit.petal_to_ring_m
+            ),
+            "move the base away from the ring circle, or make petals or rings thinner",
+        );
+    }
+    if let (Some(latches), Some(p)) = (&active.latches, &passive.geometry.petals) {
+        for azimuth in latches.azimuths_rad {
+            for i in 0..p.count {
+                if turn(azimuth, PI - p.azimuth_rad(i)) < p.base_half_angle_rad {
+                    refuse(
+                        &active.toml,
+                        "latches.azimuths_deg",
+                        format!("{:.3}", azimuth.to_degrees()),
+                        format!("the striker would lie under petal {i} of the passive side"),
+                        "put the latches where the passive ring is free",
+                    );
+                }
+            }
+        }
+    }
+}
+
+pub(crate) fn join(
+    active: ActiveSide,
+    passive: PassiveSide,
+    attenuation: Option<AttenuationChoice>,
+    out: &mut Findings,
+) -> Option<DockingMechanism> {
+    // Placeholders of one side would give nonsense about both.
+    if active.clean && passive.clean {
+        check_fit(&active, &passive, out);
+    }
+    let choice = attenuation.unwrap_or(active.default_choice);
+    let attenuator = match choice {
+        AttenuationChoice::Rigid => Some(Attenuator::Rigid),
+        AttenuationChoice::Characteristic => active.characteristic.map(Attenuator::Characteristic),
+        AttenuationChoice::Differential => active.differential.map(Attenuator::Differential),
+    };
+    if attenuator.is_none() && active.clean {
+        let word = AttenuationChoice::WORDS.iter().find(|(_, c)| *c == choice).map_or("", |w| w.0);
+        out.problems.push(Problem {
+            file: active.toml,
+            key: "attenuation".into(),
+            value: word.into(),
+            what: "is asked for, but this file does not describe it".into(),
+            remedy: "add the table, or choose another attenuation".into(),
+            ..Problem::default()
+        });
+    }
+    Some(DockingMechanism {
+        name: active.name,
+        active: active.geometry,
+        passive: passive.geometry,
+        ring_body: active.ring_body,
+        ring_rest_offset_m: active.ring_rest_offset_m,
+        passive_ring_offset_m: passive.ring_offset_m,
+        contact: active.contact,
+        attenuator: attenuator?,
+        latches: active.latches,
+        limits: active.limits,
+        outcome: active.outcome,
+        digest: out.digest(),
+    })
+}

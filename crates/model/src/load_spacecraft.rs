@@ -1,0 +1,116 @@
+use std::path::Path;
+
+use docktwin_core::Pose;
+
+use crate::problem::{Findings, Loaded, ModelErrors, Problem};
+use crate::toml_check::{Checker, Range, Table};
+use crate::urdf::{self, UrdfTree};
+use crate::{Spacecraft, SpacecraftHull};
+
+/// Reads a spacecraft: the URDF (masses, placements) and the TOML of the same name beside it (which
+/// link is the port, hull, source of every number).
+///
+/// The body frame of the result stands at the mass centre with the axes of the root link.
+///
+/// # Errors
+/// All problems of both files.
+pub fn load_spacecraft(urdf_path: &Path) -> Result<Loaded<Spacecraft>, ModelErrors> {
+    let mut out = Findings::default();
+    let read = read_spacecraft(urdf_path, true, &mut out);
+    out.finish(read.map(|(spacecraft, _)| spacecraft))
+}
+
+pub(crate) fn read_spacecraft(
+    urdf_path: &Path,
+    meshes: bool,
+    out: &mut Findings,
+) -> Option<(Spacecraft, SpacecraftHull)> {
+    let urdf_text = out.read(urdf_path, "spacecraft URDF");
+    let toml_path = urdf_path.with_extension("toml");
+    let toml_text = out.read(&toml_path, "TOML beside the URDF");
+    let tree = urdf_text.and_then(|text| urdf::read(urdf_path, &text, meshes, out));
+    let toml_text = toml_text?;
+
+    let checker = Checker::new(&toml_path, &toml_text);
+    let said = checker.read(|t| {
+        check_header(t, "spacecraft");
+        let port_link = t.text("port_link", "name of a link of the URDF");
+        if let Some(tree) = &tree
+            && !port_link.is_empty()
+            && !tree.links.contains_key(&port_link)
+        {
+            let names: Vec<_> = tree.links.keys().map(String::as_str).collect();
+            let remedy = format!("name one of {}, or add it to the URDF", names.join(", "));
+            t.refuse("port_link", "is not a link of the URDF", remedy);
+        }
+        t.section("numbers", |n| {
+            for key in ["mass_kg", "inertia_kg_m2", "com_m", "port"] {
+                n.note_only(key);
+            }
+        });
+        let hull = t.section("hull", |h| SpacecraftHull {
+            radius_m: h.noted("radius_m", Range::positive(50.0)),
+            length_m: h.noted("length_m", Range::positive(500.0)),
+        });
+        (port_link, hull)
+    });
+    let (problems, values) = checker.finish();
+    out.problems.extend(problems);
+    out.values.extend(values);
+
+    let tree = tree?;
+    let mass = body_mass(urdf_path, &tree, out);
+    let (port_link, hull) = said?;
+    let port = tree.links.get(&port_link)?;
+    let mass = mass?;
+    let spacecraft = Spacecraft {
+        name: tree.robot.name.clone(),
+        mass_kg: mass.mass_kg,
+        inertia_kg_m2: mass.inertia_kg_m2,
+        x_body_port: Pose::new(port.p - mass.com_m, port.q),
+        digest: out.digest(),
+    };
+    Some((spacecraft, hull))
+}
+
+/// All links as one rigid body.
+fn body_mass(path: &Path, tree: &UrdfTree, out: &mut Findings) -> Option<urdf::MassProperties> {
+    for joint in tree.robot.joints.iter().filter(|j| !urdf::is_fixed(&j.joint_type)) {
+        out.problems.push(Problem {
+            file: path.into(),
+            line: tree.line("joint", &joint.name),
+            key: format!("joint `{}`", joint.name),
+            value: format!("{:?}", joint.joint_type).to_lowercase(),
+            what: "moves, but a spacecraft is one rigid body".into(),
+            allowed: "fixed".into(),
+            remedy: "make the joint fixed".into(),
+            ..Problem::default()
+        });
+    }
+    let mut parts = Vec::new();
+    for link in tree.robot.links.iter().filter(|l| tree.with_inertial.contains(&l.name)) {
+        let x = tree.links.get(&link.name).copied().unwrap_or_default();
+        parts.push(urdf::mass_of(path, tree, link, x, out));
+    }
+    if parts.is_empty() {
+        out.problems.push(Problem {
+            file: path.into(),
+            line: tree.line("link", &tree.root),
+            key: format!("link `{}`", tree.root),
+            what: "no link has an inertial, so the spacecraft has no mass".into(),
+            remedy: "add an inertial with mass and inertia".into(),
+            ..Problem::default()
+        });
+        return None;
+    }
+    Some(urdf::compose(&parts))
+}
+
+/// `schema = 1` and the kind of the file.
+pub(crate) fn check_header(t: &Table<'_, '_>, kind: &'static str) {
+    t.optional_count("schema", 1, 1).or_else(|| {
+        t.refuse("schema", "is missing", "add `schema = 1`");
+        None
+    });
+    t.choice("kind", &[(kind, ())]);
+}

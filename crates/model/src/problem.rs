@@ -1,0 +1,190 @@
+use core::fmt;
+use std::path::{Path, PathBuf};
+
+use docktwin_core::Digest;
+
+/// One thing wrong with a file: where, what stands there, what may stand there, what to do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Problem {
+    /// The file, as the caller named it.
+    pub file: PathBuf,
+    /// Line, from 1; `None` when it has no line (a missing file, a value given on the command line).
+    pub line: Option<usize>,
+    /// Dotted path of the key, or the element of a URDF.
+    pub key: String,
+    /// What stands there; empty when nothing does.
+    pub value: String,
+    /// Unit of the value; empty when it has none.
+    pub unit: String,
+    /// What is wrong.
+    pub what: String,
+    /// What is allowed; empty when `what` says all.
+    pub allowed: String,
+    /// What to do about it.
+    pub remedy: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.key)?;
+        if !self.value.is_empty() {
+            write!(f, " = {}", self.value)?;
+            if !self.unit.is_empty() {
+                write!(f, " {}", self.unit)?;
+            }
+        }
+        write!(f, ": {}", self.what)?;
+        if !self.allowed.is_empty() {
+            write!(f, "; allowed: {}", self.allowed)?;
+            if self.value.is_empty() && !self.unit.is_empty() {
+                write!(f, " {}", self.unit)?;
+            }
+        }
+        write!(f, "; {} [{}", self.remedy, self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        write!(f, "]")
+    }
+}
+
+/// Something read and deliberately not used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Note {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, from 1.
+    pub line: Option<usize>,
+    /// What is ignored, and why.
+    pub what: String,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} [{}", self.what, self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        write!(f, "]")
+    }
+}
+
+/// One value that was read and is used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadValue {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, from 1.
+    pub line: Option<usize>,
+    /// Dotted path of the key.
+    pub key: String,
+    /// The value as read.
+    pub value: String,
+    /// Unit, or empty.
+    pub unit: String,
+    /// The `source` or `assumed` note, or empty.
+    pub note: String,
+}
+
+impl fmt::Display for ReadValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = {}", self.key, self.value)?;
+        if !self.unit.is_empty() {
+            write!(f, " {}", self.unit)?;
+        }
+        if !self.note.is_empty() {
+            write!(f, " ({})", self.note)?;
+        }
+        Ok(())
+    }
+}
+
+/// A file that was read, named by its content.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileDigest {
+    /// The file, as the caller named it.
+    pub path: PathBuf,
+    /// Digest of its bytes.
+    pub digest: Digest,
+}
+
+/// All problems of all files of one model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", lines(problems))]
+pub struct ModelErrors {
+    /// At least one.
+    pub problems: Vec<Problem>,
+}
+
+fn lines(problems: &[Problem]) -> String {
+    problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// A checked model and what was left aside on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded<T> {
+    /// The model.
+    pub model: T,
+    /// What was read but is not used.
+    pub notes: Vec<Note>,
+    /// Every file the model depends on.
+    pub files: Vec<FileDigest>,
+}
+
+/// What reading a model found, collected over its files.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Findings {
+    pub(crate) problems: Vec<Problem>,
+    pub(crate) notes: Vec<Note>,
+    pub(crate) values: Vec<ReadValue>,
+    pub(crate) files: Vec<FileDigest>,
+}
+
+impl Findings {
+    /// Reads a text file; a failure becomes a problem and an empty text.
+    pub(crate) fn read(&mut self, path: &Path, purpose: &str) -> Option<String> {
+        match std::fs::read(path) {
+            Err(error) => {
+                self.problems.push(Problem {
+                    file: path.into(),
+                    key: purpose.into(),
+                    what: format!("cannot be read ({error})"),
+                    remedy: "give the path of an existing file".into(),
+                    ..Problem::default()
+                });
+                None
+            }
+            Ok(bytes) => {
+                self.files.push(FileDigest { path: path.into(), digest: Digest::of_bytes(&bytes) });
+                String::from_utf8(bytes)
+                    .map_err(|error| {
+                        self.problems.push(Problem {
+                            file: path.into(),
+                            key: purpose.into(),
+                            what: format!("is not UTF-8 text ({error})"),
+                            remedy: "save it as UTF-8".into(),
+                            ..Problem::default()
+                        });
+                    })
+                    .ok()
+            }
+        }
+    }
+
+    /// The model, if nothing was wrong.
+    pub(crate) fn finish<T>(self, model: Option<T>) -> Result<Loaded<T>, ModelErrors> {
+        match model {
+            Some(model) if self.problems.is_empty() => {
+                Ok(Loaded { model, notes: self.notes, files: self.files })
+            }
+            _ => Err(ModelErrors { problems: self.problems }),
+        }
+    }
+
+    /// One digest for all files read so far.
+    pub(crate) fn digest(&self) -> Digest {
+        let mut h = docktwin_core::StateHasher::new();
+        self.files.iter().for_each(|f| h.bytes(&f.digest.0));
+        h.finish()
+    }
+}

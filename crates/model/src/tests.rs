@@ -1,0 +1,606 @@
+use std::path::{Path, PathBuf};
+
+use docktwin_core::{DMat3, DVec3};
+
+use crate::*;
+
+fn models() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf")
+}
+
+fn spacecraft(name: &str) -> Spacecraft {
+    load_spacecraft(&models().join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).model
+}
+
+fn mechanism(preset: &str, choice: Option<AttenuationChoice>) -> DockingMechanism {
+    let side = |s: &str| models().join(format!("{preset}_{s}.urdf"));
+    load_mechanism(&side("active"), &side("passive"), choice)
+        .unwrap_or_else(|e| panic!("{preset}: {e}"))
+        .model
+}
+
+/// A copy of the models with texts replaced; meshes are empty files.
+struct Copy(tempfile::TempDir);
+
+impl Copy {
+    fn new(edits: &[(&str, &str, &str)]) -> Self {
+        let dir = tempfile::tempdir().expect("a folder");
+        let urdf = dir.path().join("models/urdf");
+        let meshes = dir.path().join("meshes");
+        std::fs::create_dir_all(&urdf).expect("a folder");
+        std::fs::create_dir_all(&meshes).expect("a folder");
+        for name in ["chaser_8t", "apas_active", "apas_passive"] {
+            for ext in ["urdf", "toml"] {
+                let file = format!("{name}.{ext}");
+                let mut text = std::fs::read_to_string(models().join(&file)).expect("model");
+                for (_, from, to) in edits.iter().filter(|(f, _, _)| *f == file) {
+                    assert!(text.contains(from), "{file} has no {from:?}: mend the case");
+                    text = text.replacen(from, to, 1);
+                }
+                std::fs::write(urdf.join(file), text).expect("write");
+            }
+        }
+        let parts = ["chaser_8t_hull", "apas_active_ring", "apas_active_petal"];
+        for part in parts.iter().chain(&["apas_passive_ring", "apas_passive_petal"]) {
+            std::fs::write(meshes.join(format!("{part}.obj")), "").expect("write");
+        }
+        Self(dir)
+    }
+
+    fn at(&self, file: &str) -> PathBuf {
+        self.0.path().join("models/urdf").join(file)
+    }
+
+    fn problems(&self) -> Vec<Problem> {
+        let mut problems = Vec::new();
+        if let Err(e) = load_spacecraft(&self.at("chaser_8t.urdf")) {
+            problems.extend(e.problems);
+        }
+        let (a, p) = (self.at("apas_active.urdf"), self.at("apas_passive.urdf"));
+        if let Err(e) = load_mechanism(&a, &p, None) {
+            problems.extend(e.problems);
+        }
+        problems
+    }
+}
+
+#[test]
+fn regress_every_model_loads() {
+    for name in
+        ["chaser_8t", "target_12t", "heavy_100t", "heavy_100t_target", "light_575kg", "test_8t"]
+    {
+        let craft = spacecraft(&format!("{name}.urdf"));
+        assert_eq!(craft.name, name);
+    }
+    for preset in ["apas", "apas75"] {
+        for (_, choice) in AttenuationChoice::WORDS {
+            assert_eq!(mechanism(preset, Some(choice)).name, format!("{preset}_active"));
+        }
+    }
+    for preset in ["ring", "guide"] {
+        assert_eq!(mechanism(preset, None).attenuator, Attenuator::Rigid);
+    }
+}
+
+#[test]
+fn regress_apas_is_the_published_set() {
+    let m = mechanism("apas", None);
+    assert!((m.docked_length_m() - 0.450).abs() < 1e-12);
+    assert!((m.ring_body.mass_kg - 39.1).abs() < 1e-12);
+    let p = m.active.petals.expect("petals");
+    assert_eq!(p.count, 3);
+    assert!((p.base_half_angle_rad.to_degrees() - 28.0).abs() < 1e-12);
+    assert!((m.outcome.settled_rate_rad_s.to_degrees() - 0.1).abs() < 1e-12);
+    let Attenuator::Characteristic(c) = m.attenuator else { panic!("default attenuation") };
+    assert!((c.tilt.travel_negative.to_degrees() - 10.0).abs() < 1e-12);
+    assert!(c.axial.series_brake.is_some() && c.roll.series_brake.is_none());
+    assert!(
+        m.contact.normal
+            == NormalLaw::HuntCrossley { stiffness: 1e6, exponent: 1.0, damping_s_m: 1.0 }
+    );
+}
+
+#[test]
+fn oracle_inertia_of_a_homogeneous_cylinder() {
+    for (name, radius, length, port) in
+        [("chaser_8t.urdf", 1.35, 7.0, 3.5), ("target_12t.urdf", 1.5, 9.0, -4.5)]
+    {
+        let c = spacecraft(name);
+        let axial = c.mass_kg * radius * radius / 2.0;
+        let across = c.mass_kg * (3.0 * radius * radius + length * length) / 12.0;
+        let want = DMat3::from_diagonal(DVec3::new(axial, across, across));
+        assert!((c.inertia_kg_m2 - want).abs_diff_eq(DMat3::ZERO, 1e-3), "{name}");
+        assert!(c.x_body_port.p.distance(DVec3::X * port) < 1e-12);
+    }
+}
+
+/// Two point-like bodies on a rod: masses 2 kg and 6 kg, 4 m apart, mass centre 3 m from the first,
+/// I = 2·3² + 6·1² = 24 kg·m² across the rod, beside their own 0.1 kg·m² each.
+#[test]
+fn oracle_links_are_composed_by_parallel_axes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let urdf = dir.path().join("two.urdf");
+    let body = |name: &str, mass: f64| {
+        format!(
+            r#"<link name="{name}"><inertial><mass value="{mass}"/>
+            <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>"#
+        )
+    };
+    let joint = |child: &str, x: f64| {
+        format!(
+            r#"<joint name="to_{child}" type="fixed"><parent link="a"/><child link="{child}"/>
+            <origin xyz="0 {x} 0" rpy="0 0 1.5707963267948966"/></joint>"#
+        )
+    };
+    let text = format!(
+        r#"<robot name="two">{}{}<link name="port"/>{}{}</robot>"#,
+        body("a", 2.0),
+        body("b", 6.0),
+        joint("b", 4.0),
+        joint("port", 5.0)
+    );
+    std::fs::write(&urdf, text).expect("write");
+    let notes = std::fs::read_to_string(models().join("chaser_8t.toml")).expect("notes");
+    std::fs::write(urdf.with_extension("toml"), notes).expect("write");
+    let c = load_spacecraft(&urdf).expect("loads").model;
+    assert!((c.mass_kg - 8.0).abs() < 1e-12);
+    let want = DMat3::from_diagonal(DVec3::new(24.2, 0.2, 24.2));
+    assert!((c.inertia_kg_m2 - want).abs_diff_eq(DMat3::ZERO, 1e-12), "{}", c.inertia_kg_m2);
+    assert!(c.x_body_port.p.distance(DVec3::Y * 2.0) < 1e-12);
+    // Yaw of 90°: X of the port is Y of the body.
+    assert!((c.x_body_port.q * DVec3::X).distance(DVec3::Y) < 1e-12);
+}
+
+#[test]
+fn oracle_principal_moments() {
+    let q = docktwin_core::DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 0.7));
+    let m = docktwin_core::inertia_world(q, DMat3::from_diagonal(DVec3::new(3.0, 5.0, 7.0)));
+    let p = urdf::principal_moments(m);
+    for (got, want) in p.iter().zip([3.0, 5.0, 7.0]) {
+        assert!((got - want).abs() < 1e-12, "{p:?}");
+    }
+}
+
+/// Figures of `mechanism-parameters`: 2.5 mm of clearance, ±5.3° of roll play.
+#[test]
+fn oracle_mated_fit_of_the_default_geometry() {
+    let m = mechanism("apas", None);
+    let fit = mated_fit(&m.active, &m.passive);
+    assert!((fit.petal_to_ring_m - 0.0025).abs() < 1e-4, "{fit:?}");
+    let play = fit.roll_play_rad.expect("petals").to_degrees();
+    assert!((play - 5.3).abs() < 0.6, "{play}");
+    // The ring of 0.600 m with petals from 0.600 m to 0.400 m leaves 0.36 mm.
+    let mut tight = m.clone();
+    for side in [&mut tight.active, &mut tight.passive] {
+        let p = side.petals.as_mut().expect("petals");
+        (p.base_radius_m, p.tip_radius_m, p.height_m) = (0.600, 0.400, 0.200);
+    }
+    let fit = mated_fit(&tight.active, &tight.passive);
+    assert!((fit.petal_to_ring_m - 0.36e-3).abs() < 1e-5, "{fit:?}");
+}
+
+/// Stiffness of the coupled legs at rest, seen at the ring's centre, is the diagonal of the
+/// characteristic: 3e5 axially, 800 N/m sideways, 600 N·m/rad in roll, 1000 N·m/rad in tilt.
+#[test]
+fn oracle_differential_reproduces_the_characteristic_at_rest() {
+    for preset in ["apas", "apas75"] {
+        let m = mechanism(preset, Some(AttenuationChoice::Differential));
+        let Attenuator::Differential(d) = &m.attenuator else { panic!("differential") };
+        let rest = DVec3::X * m.ring_rest_offset_m;
+        let mut jacobian = [[0.0; 6]; 6];
+        for (i, row) in jacobian.iter_mut().enumerate() {
+            let n = (rest + d.ring_joints_m[i] - d.base_joints_m[i]).normalize();
+            let t = d.ring_joints_m[i].cross(n);
+            *row = [n.x, n.y, n.z, t.x, t.y, t.z];
+        }
+        let mut gain = [[0.0; 6]; 6];
+        for (g, c) in gain.iter_mut().zip(&d.coupling) {
+            for (k, x) in g.iter_mut().enumerate() {
+                *x = (0..6).map(|leg| c[leg] * jacobian[leg][k]).sum();
+            }
+        }
+        let slope = |c: &AxisChannel| c.loading.points[1][1] / c.loading.points[1][0];
+        let want = [3e5, 800.0, 800.0, 600.0, 1000.0, 1000.0];
+        for i in 0..6 {
+            for j in 0..6 {
+                let k: f64 = (0..6).map(|r| slope(&d.channels[r]) * gain[r][i] * gain[r][j]).sum();
+                let expected = if i == j { want[i] } else { 0.0 };
+                let scale = f64::sqrt(want[i] * want[j]);
+                assert!((k - expected).abs() < 1e-6 * scale, "{preset} K[{i}][{j}] = {k}");
+            }
+        }
+        // The damping reproduces the diagonal, before and after capture.
+        let damping = |after: bool, axis: usize| -> f64 {
+            let c = |x: &AxisChannel| {
+                if after { x.damping.after_capture } else { x.damping.before_capture }
+            };
+            (0..6).map(|r| c(&d.channels[r]) * gain[r][axis] * gain[r][axis]).sum()
+        };
+        for (axis, before, after) in
+            [(0, 4000.0, 4000.0), (1, 100.0, 1000.0), (3, 60.0, 1500.0), (5, 60.0, 2500.0)]
+        {
+            assert!((damping(false, axis) / before - 1.0).abs() < 1e-6, "{preset} {axis}");
+            assert!((damping(true, axis) / after - 1.0).abs() < 1e-6, "{preset} {axis}");
+        }
+    }
+}
+
+#[test]
+fn invariant_any_changed_byte_changes_the_digest() {
+    let digest = |edits: &[(&str, &str, &str)]| {
+        let copy = Copy::new(edits);
+        let craft = load_spacecraft(&copy.at("chaser_8t.urdf")).expect("loads").model.digest;
+        let (a, p) = (copy.at("apas_active.urdf"), copy.at("apas_passive.urdf"));
+        let loaded = load_mechanism(&a, &p, None).expect("loads");
+        assert_eq!(loaded.files.len(), 4);
+        (craft, loaded.model.digest)
+    };
+    let same = digest(&[]);
+    assert_eq!(same, digest(&[]));
+    assert_ne!(same.0, digest(&[("chaser_8t.urdf", "7960.9", "7960.8")]).0);
+    assert_ne!(same.0, digest(&[("chaser_8t.toml", "the paper", "a paper")]).0);
+    assert_ne!(same.1, digest(&[("apas_active.toml", "# One law", "# The one law")]).1);
+}
+
+#[test]
+fn invariant_what_is_not_used_is_noted() {
+    let link = r#"<link name="body">"#;
+    let unused =
+        r#"<link name="body"><collision><geometry><box size="1 1 1"/></geometry></collision>"#;
+    let joint = r#"<parent link="body"/>"#;
+    let drive = r#"<limit effort="1" velocity="2"/><dynamics damping="3"/><parent link="body"/>"#;
+    let copy = Copy::new(&[
+        ("chaser_8t.urdf", link, unused),
+        ("chaser_8t.urdf", joint, drive),
+        ("chaser_8t.urdf", "<visual>", "<visual><material name=\"grey\"/>"),
+        ("chaser_8t.urdf", "</robot>", "<transmission name=\"t\"/></robot>"),
+    ]);
+    let loaded = load_spacecraft(&copy.at("chaser_8t.urdf")).expect("loads");
+    for word in ["collision", "limit", "dynamics", "material", "transmission"] {
+        let hits = loaded.notes.iter().filter(|n| n.what.contains(word)).count();
+        assert_eq!(hits, 1, "{word} in {:?}", loaded.notes);
+    }
+    assert!(loaded.notes.iter().all(|n| n.line.is_some()));
+}
+
+#[test]
+fn invariant_all_problems_come_at_once_with_their_lines() {
+    let copy = Copy::new(&[
+        ("chaser_8t.urdf", r#"mass value="7960.9""#, r#"mass value="-1""#),
+        ("chaser_8t.toml", "radius_m = {", "radiu_m = {"),
+        ("apas_active.toml", "count = { value = 3,", "count = { value = 3.5,"),
+        ("apas_active.toml", "jam_time_s = { value = 10.0,", "jam_time_s = { value = nan,"),
+        ("apas_passive.toml", "schema = 1", "schema = 2"),
+    ]);
+    let problems = copy.problems();
+    // A misspelt key is both an unknown and a missing one.
+    assert_eq!(problems.len(), 6, "{problems:#?}");
+    assert!(problems.iter().all(|p| p.line.is_some() && !p.remedy.is_empty()), "{problems:#?}");
+    let jam = problems.iter().find(|p| p.key == "outcome.jam_time_s").expect("reported");
+    let text = std::fs::read_to_string(copy.at("apas_active.toml")).expect("text");
+    let line = 1 + text.lines().position(|l| l.starts_with("jam_time_s")).expect("line");
+    assert_eq!(jam.line, Some(line));
+    let text = jam.to_string();
+    for part in ["outcome.jam_time_s", "nan s", "finite", "> 0 and ≤ 10000", "apas_active.toml:"]
+    {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn invariant_model_check_lists_read_ignored_and_refused() {
+    let copy = Copy::new(&[]);
+    for file in ["apas_active.urdf", "apas_passive.toml", "chaser_8t.toml"] {
+        let report = model_check(&copy.at(file));
+        assert!(report.refused.is_empty(), "{file}: {:?}", report.refused);
+        assert!(report.read.len() > 10);
+    }
+    let report = model_check(&copy.at("apas_active.toml"));
+    assert_eq!(report.files.len(), 4);
+    assert!(report.lines().iter().any(|l| l.contains("mated roll play")));
+    assert!(report.lines().iter().any(|l| l.contains("ring.mean_radius_m = 0.6 m (source:")));
+
+    let missing = model_check(&copy.at("nothing.toml"));
+    assert_eq!(missing.refused.len(), 1);
+    let copy = Copy::new(&[("chaser_8t.urdf", "ixx=\"7254.37\"", "ixx=\"-7254.37\"")]);
+    assert_eq!(model_check(&copy.at("chaser_8t.urdf")).refused.len(), 1);
+}
+
+/// Each case: file, text, what replaces it, what the message must say.
+const BAD: &[(&str, &str, &str, &str)] = &[
+    // URDF of a spacecraft.
+    ("chaser_8t.urdf", "\"7960.9\"", "\"-5\"", "mass of link `body` = -5 kg: is out of range"),
+    ("chaser_8t.urdf", "\"7960.9\"", "\"0\"", "> 0"),
+    ("chaser_8t.urdf", "\"7960.9\"", "\"NaN\"", "1 finite number"),
+    ("chaser_8t.urdf", "\"7960.9\"", "\"heavy\"", "1 finite number"),
+    ("chaser_8t.urdf", "ixx=\"7254.37\"", "ixx=\"-1\"", "positive definite"),
+    ("chaser_8t.urdf", "ixx=\"7254.37\"", "ixx=\"99999\"", "not that of any body"),
+    ("chaser_8t.urdf", "ixx=\"7254.37\"", "", "has no attribute `ixx`"),
+    ("chaser_8t.urdf", "chaser_8t_hull.obj", "nothing.obj", "cargo xtask meshes"),
+    ("chaser_8t.urdf", "../../meshes/chaser_8t_hull.obj", "package://a/b.obj", "relative path"),
+    ("chaser_8t.urdf", "<mesh ", "<mesh scale=\"0.001 0.001 0.001\" ", "meshes are in metres"),
+    ("chaser_8t.urdf", "<visual>", "<visual><colour/>", "not an element of URDF at this place"),
+    ("chaser_8t.urdf", "<link name=\"port\"/>", "<lnk name=\"port\"/>", "not an element of URDF"),
+    ("chaser_8t.urdf", "<mass ", "<mass unit=\"kg\" ", "unknown attribute `unit`"),
+    ("chaser_8t.urdf", "<mass ", "<mass value=\"1\"/><mass ", "more than one `mass`"),
+    ("chaser_8t.urdf", "type=\"fixed\"", "type=\"revolute\"", "one rigid body"),
+    ("chaser_8t.urdf", "type=\"fixed\"", "type=\"glued\"", "glued"),
+    ("chaser_8t.urdf", "xyz=\"3.5 0 0\"", "xyz=\"3.5 0\"", "3 finite number"),
+    ("chaser_8t.urdf", "xyz=\"3.5 0 0\"", "xyz=\"3.5 0 0 m\"", "3 finite number"),
+    ("chaser_8t.urdf", "<child link=\"port\"/>", "<child link=\"prot\"/>", "does not exist"),
+    ("chaser_8t.urdf", "<link name=\"port\"/>", "<link name=\"port\"/><link name=\"x\"/>", "root"),
+    ("chaser_8t.urdf", "<link name=\"port\"/>", "<link name=\"body\"/>", "stands twice"),
+    (
+        "chaser_8t.urdf",
+        "</robot>",
+        "<joint name=\"back\" type=\"fixed\"><parent link=\"port\"/><child link=\"body\"/></joint></robot>",
+        "no root link",
+    ),
+    (
+        "chaser_8t.urdf",
+        "</robot>",
+        "<link name=\"x\"/><link name=\"y\"/>\
+         <joint name=\"xy\" type=\"fixed\"><parent link=\"x\"/><child link=\"y\"/></joint>\
+         <joint name=\"yx\" type=\"fixed\"><parent link=\"y\"/><child link=\"x\"/></joint></robot>",
+        "cycle",
+    ),
+    (
+        "chaser_8t.urdf",
+        "</robot>",
+        "<joint name=\"two\" type=\"fixed\"><parent link=\"body\"/><child link=\"port\"/></joint></robot>",
+        "child of more than one joint",
+    ),
+    ("chaser_8t.urdf", "<parent link=\"body\"/>", "text<parent link=\"body\"/>", "holds text"),
+    ("chaser_8t.urdf", "</robot>", "", "well-formed XML"),
+    ("chaser_8t.urdf", "<inertial>", "<inertial><!-- --></inertial><!-- ", "well-formed XML"),
+    // TOML of a spacecraft.
+    ("chaser_8t.toml", "port_link = \"port\"", "port_link = \"prt\"", "not a link of the URDF"),
+    ("chaser_8t.toml", "port_link", "port_lnk", "did you mean `port_link`?"),
+    ("chaser_8t.toml", "mass_kg = {", "# {", "numbers.mass_kg: is missing"),
+    (
+        "chaser_8t.toml",
+        "{ assumed = \"the body frame",
+        "{ value = 1.0, assumed = \"the",
+        "in the URDF",
+    ),
+    ("chaser_8t.toml", "\"the cylinder of the inertia\"", "\"\"", "no note where it comes from"),
+    ("chaser_8t.toml", "radius_m = { value = 1.35", "radius_m = { value = 0", "> 0 and ≤ 50"),
+    ("chaser_8t.toml", "\"spacecraft\"", "\"spaceship\"", "allowed: spacecraft"),
+    ("chaser_8t.toml", "schema = 1", "schema = 2", "whole number from 1 to 1"),
+    ("chaser_8t.toml", "[hull]", "[hull", "valid TOML"),
+    ("chaser_8t.toml", "[hull]", "[hulls]", "add [hull]"),
+    // TOML of the active side.
+    (
+        "apas_active.toml",
+        "{ value = 0.6, source = \"published diameter 1.2 m of APAS-89 and IDSS\" }",
+        "0.6",
+        "no note",
+    ),
+    ("apas_active.toml", "value = 0.3, ", "", "has a note but no value"),
+    (
+        "apas_active.toml",
+        "value = 0.3, ",
+        "value = 0.3, source = \"x\", ",
+        "both a source and an assumed",
+    ),
+    (
+        "apas_active.toml",
+        "value = 0.3, ",
+        "value = 0.3, sources = \"x\", ",
+        "placement.ring_rest_offset_m.sources",
+    ),
+    ("apas_active.toml", "value = 0.3, ", "value = \"0.3\", ", "is a string"),
+    ("apas_active.toml", "value = 0.3, ", "value = inf, ", "not a finite number"),
+    ("apas_active.toml", "segments = { value = 48", "segments = { value = 48.5", "whole numbers"),
+    (
+        "apas_active.toml",
+        "mean_radius_m = { value = 0.6",
+        "mean_radius_m = { value = 0.02",
+        "below the mean radius",
+    ),
+    (
+        "apas_active.toml",
+        "travel_negative_m = { value = 0.15",
+        "travel_negative_m = { value = -0.15",
+        "≥ 0 and ≤ 5",
+    ),
+    (
+        "apas_active.toml",
+        "[[0.0, 0.0], [0.15, 45000.0]]",
+        "[[0.0, 0.0], [0.15, 45000.0], [0.1, 46000.0]]",
+        "does not rise",
+    ),
+    (
+        "apas_active.toml",
+        "[[0.0, 0.0], [0.15, 45000.0]]",
+        "[[0.01, 0.0], [0.15, 45000.0]]",
+        "deflection 0",
+    ),
+    ("apas_active.toml", "[[0.0, 0.0], [0.15, 45000.0]]", "[[0.0, 0.0]]", "has 1 rows"),
+    ("apas_active.toml", "[[0.0, 0.0], [0.15, 45000.0]]", "[[0.0, 0.0], [0.15]]", "has 1 numbers"),
+    (
+        "apas_active.toml",
+        "[[0.0, 0.0], [0.15, 45000.0]]",
+        "[[0.0, 0.0], [0.15, 40000.0]]",
+        "above the loading branch",
+    ),
+    (
+        "apas_active.toml",
+        "friction_static = { value = 0.1",
+        "friction_static = { value = 0.05",
+        "below the kinetic",
+    ),
+    ("apas_active.toml", "\"hunt_crossley\"", "\"hertz\"", "hunt_crossley | kelvin_voigt"),
+    (
+        "apas_active.toml",
+        "\"hunt_crossley\"",
+        "\"kelvin_voigt\"",
+        "contact.damping_n_s_m: is missing",
+    ),
+    ("apas_active.toml", "depth_m = { value = 0.04,", "depth_m = { value = 0.05,", "≤ 0.04"),
+    ("apas_active.toml", "  [0.0, 6.4, 0.0],", "  [0.1, 6.4, 0.0],", "not symmetric"),
+    ("apas_active.toml", "  [12.7, 0.0, 0.0],", "  [13.7, 0.0, 0.0],", "not that of any body"),
+    (
+        "apas_active.toml",
+        "base_half_angle_deg = { value = 28.0",
+        "base_half_angle_deg = { value = 61.0",
+        "neighbouring petals",
+    ),
+    (
+        "apas_active.toml",
+        "base_radius_m = { value = 0.597",
+        "base_radius_m = { value = 0.5",
+        "float free",
+    ),
+    (
+        "apas_active.toml",
+        "base_radius_m = { value = 0.597",
+        "base_radius_m = { value = 0.605",
+        "collide with the ring",
+    ),
+    (
+        "apas_active.toml",
+        "thickness_m = { value = 0.02",
+        "thickness_m = { value = 0.19",
+        "not below the height",
+    ),
+    (
+        "apas_active.toml",
+        "strike_gap_m = { value = 0.006",
+        "strike_gap_m = { value = 0.002",
+        "below the catch gap",
+    ),
+    ("apas_active.toml", "[0.0, 120.0, 240.0]", "[0.0, 10.0, 240.0]", "apart"),
+    (
+        "apas_active.toml",
+        "[0.0, 120.0, 240.0]",
+        "[60.0, 180.0, 300.0]",
+        "striker would lie under petal",
+    ),
+    ("apas_active.toml", "[0.0, 120.0, 240.0]", "[0.0, 120.0]", "list of 3 numbers"),
+    (
+        "apas_active.toml",
+        "default = \"characteristic\"",
+        "default = \"soft\"",
+        "characteristic | differential | rigid",
+    ),
+    (
+        "apas_active.toml",
+        "[attenuation.characteristic.roll]",
+        "[attenuation.characteristic.rol]",
+        "did you mean `roll`?",
+    ),
+    (
+        "apas_active.toml",
+        "  [0.000000000000000, 0.000000000000000, 0.500000000000000, 0.500000000000000, -0.5",
+        "  [0.577350269189626, 0.577350269189626, -0.288675134594813, -0.288675134594813, -0.288675134594813, -0.288675134594813], # [-0.5",
+        "coupling",
+    ),
+    (
+        "apas_active.toml",
+        "# pair sum, first\n[[attenuation.differential.channels]]",
+        "# pair sum, first\n[[attenuation.differential.canals]]",
+        "5 channels",
+    ),
+    ("apas_active.toml", "[limits]", "[limit]", "add [limits]"),
+    // URDF of the active side against its TOML.
+    (
+        "apas_active.urdf",
+        "xyz=\"0.3 0 0\"",
+        "xyz=\"0.31 0 0\"",
+        "placement.ring_rest_offset_m puts it",
+    ),
+    (
+        "apas_active.urdf",
+        "rpy=\"2.0943951023931953 0 0\"",
+        "rpy=\"2.1 0 0\"",
+        "petals.first_azimuth_deg",
+    ),
+    ("apas_active.urdf", "mass value=\"39.1\"", "mass value=\"39.2\"", "ring_body.mass_kg = 39.1"),
+    ("apas_active.urdf", "xyz=\"0.032 0 0\"", "xyz=\"0.03 0 0\"", "ring_body.com_m"),
+    ("apas_active.urdf", "iyy=\"6.4\"", "iyy=\"6.5\"", "ring_body.inertia_kg_m2"),
+    ("apas_active.urdf", "type=\"floating\"", "type=\"fixed\"", "allowed: floating"),
+    ("apas_active.urdf", "name=\"petal_2\"", "name=\"petal_3\"", "petal_2"),
+    // The passive side, and both sides together.
+    (
+        "apas_passive.toml",
+        "base_half_angle_deg = { value = 28.0",
+        "base_half_angle_deg = { value = 33.0",
+        "petals collide when docked",
+    ),
+    (
+        "apas_passive.toml",
+        "tip_radius_m = { value = 0.41",
+        "tip_radius_m = { value = 0.8",
+        "lean inward",
+    ),
+    ("apas_passive.toml", "mechanism_passive", "mechanism_active", "allowed: mechanism_passive"),
+    (
+        "apas_passive.urdf",
+        "rpy=\"0 0 3.141592653589793\"",
+        "rpy=\"0 0 0\"",
+        "passive_ring_offset_m puts it",
+    ),
+    (
+        "apas_passive.urdf",
+        "xyz=\"-0.1 0 0\"",
+        "xyz=\"0.1 0 0\"",
+        "the parameter with its source stands in",
+    ),
+];
+
+#[test]
+fn regress_bad_files_are_refused_with_a_reason() {
+    let mut wrong = Vec::new();
+    for (file, from, to, says) in BAD {
+        let problems = Copy::new(&[(*file, *from, *to)]).problems();
+        let text: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        if !text.iter().any(|t| t.contains(says)) {
+            let got = text.join("\n");
+            wrong.push(format!("{file}: {from:?} → {to:?} should say {says:?}, says\n{got}\n"));
+        }
+        for p in &problems {
+            assert!(!p.remedy.is_empty() && !p.what.is_empty() && !p.key.is_empty(), "{p}");
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn regress_petals_turned_into_each_other_are_refused() {
+    // Both the parameter and the placements that must agree with it.
+    let mut edits = vec![(
+        "apas_passive.toml",
+        "first_azimuth_deg = { value = 0.0",
+        "first_azimuth_deg = { value = 60.0",
+    )];
+    edits.push((
+        "apas_passive.urdf",
+        "rpy=\"4.1887902047863905 0 0\"",
+        "rpy=\"5.235987755982989 0 0\"",
+    ));
+    edits.push((
+        "apas_passive.urdf",
+        "rpy=\"2.0943951023931953 0 0\"",
+        "rpy=\"3.141592653589793 0 0\"",
+    ));
+    edits.push((
+        "apas_passive.urdf",
+        "<child link=\"petal_0\"/>\n    <origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>",
+        "<child link=\"petal_0\"/>\n    <origin xyz=\"0 0 0\" rpy=\"1.0471975511965976 0 0\"/>",
+    ));
+    let problems = Copy::new(&edits).problems();
+    assert!(problems.iter().any(|p| p.what.contains("roll play")), "{problems:#?}");
+    assert!(!problems.iter().any(|p| p.what.contains("puts it")), "{problems:#?}");
+}
+
+#[test]
+fn regress_missing_files_and_missing_attenuation() {
+    let copy = Copy::new(&[]);
+    let gone = load_spacecraft(&copy.at("gone.urdf")).expect_err("is not there");
+    assert_eq!(gone.problems.len(), 2);
+    let ring = |s: &str| models().join(format!("ring_{s}.urdf"));
+    let choice = Some(AttenuationChoice::Differential);
+    let e = load_mechanism(&ring("active"), &ring("passive"), choice).expect_err("not described");
+    assert!(e.to_string().contains("does not describe it"), "{e}");
+}

@@ -1,0 +1,591 @@
+//! Reading a URDF without losing anything: the XML is walked first, so that elements and numbers
+//! that `urdf-rs` drops without a word are refused or noted; `urdf-rs` then gives the data.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use docktwin_core::{DMat3, DQuat, DVec3, Pose};
+use roxmltree::{Document, Node};
+use urdf_rs::{Geometry, JointType, Robot};
+
+use crate::problem::{Findings, Note, Problem, ReadValue};
+
+/// A URDF that is a tree of links, and where everything stands in it.
+pub(crate) struct UrdfTree {
+    pub(crate) robot: Robot,
+    /// Name of the only link without parent.
+    pub(crate) root: String,
+    /// Pose of each link in the root link, movable joints at zero.
+    pub(crate) links: BTreeMap<String, Pose>,
+    /// Links that have an `inertial`.
+    pub(crate) with_inertial: BTreeSet<String>,
+    lines: BTreeMap<String, usize>,
+}
+
+impl UrdfTree {
+    /// Line of a link or a joint.
+    pub(crate) fn line(&self, tag: &str, name: &str) -> Option<usize> {
+        self.lines.get(&format!("{tag} {name}")).copied()
+    }
+}
+
+/// How an element or an attribute is treated.
+#[derive(Clone, Copy, PartialEq)]
+enum Use {
+    /// Needed, once.
+    Once,
+    /// May be there, at most once.
+    Optional,
+    /// May be there, any number of times.
+    Many,
+    /// Standard URDF, not used by docktwin; the reason follows.
+    Ignored(&'static str),
+}
+use Use::{Ignored, Many, Once, Optional};
+
+const NO_LIMIT: Use =
+    Ignored("fixed and floating joints have no limits; travel stands in the TOML");
+const NO_DRIVE: Use = Ignored("no joint is driven");
+
+/// Names and how each is treated.
+type Names = &'static [(&'static str, Use)];
+
+/// Children and attributes of every element that is read.
+fn schema(tag: &str) -> (Names, Names) {
+    match tag {
+        "robot" => (
+            &[
+                ("link", Many),
+                ("joint", Many),
+                ("material", Ignored("colours come from the viewer")),
+                ("transmission", NO_DRIVE),
+                ("gazebo", Ignored("for another simulator")),
+                ("ros2_control", NO_DRIVE),
+                ("sensor", Ignored("sensors stand in the rig file")),
+            ],
+            &[("name", Once), ("version", Ignored("no element that is used depends on it"))],
+        ),
+        "link" => (
+            &[
+                ("inertial", Optional),
+                ("visual", Many),
+                ("collision", Ignored("contact shapes are generated from the TOML parameters")),
+            ],
+            &[("name", Once)],
+        ),
+        "inertial" => (&[("origin", Optional), ("mass", Once), ("inertia", Once)], &[]),
+        "mass" => (&[], &[("value", Once)]),
+        "inertia" => (
+            &[],
+            &[
+                ("ixx", Once),
+                ("ixy", Once),
+                ("ixz", Once),
+                ("iyy", Once),
+                ("iyz", Once),
+                ("izz", Once),
+            ],
+        ),
+        "visual" => (
+            &[
+                ("origin", Optional),
+                ("geometry", Once),
+                ("material", Ignored("colours come from the viewer")),
+            ],
+            &[("name", Ignored("visuals are told apart by their link"))],
+        ),
+        "geometry" => (
+            &[
+                ("mesh", Once),
+                ("box", Ignored("only meshes are drawn")),
+                ("cylinder", Ignored("only meshes are drawn")),
+                ("sphere", Ignored("only meshes are drawn")),
+                ("capsule", Ignored("only meshes are drawn")),
+            ],
+            &[],
+        ),
+        "mesh" => (&[], &[("filename", Once), ("scale", Optional)]),
+        "joint" => (
+            &[
+                ("parent", Once),
+                ("child", Once),
+                ("origin", Optional),
+                ("axis", Ignored("fixed and floating joints have no axis")),
+                ("limit", NO_LIMIT),
+                ("dynamics", Ignored("damping and friction stand in the TOML")),
+                ("mimic", NO_DRIVE),
+                ("safety_controller", NO_DRIVE),
+                ("calibration", NO_DRIVE),
+            ],
+            &[("name", Once), ("type", Once)],
+        ),
+        "parent" | "child" => (&[], &[("link", Once)]),
+        "origin" => (&[], &[("xyz", Optional), ("rpy", Optional)]),
+        _ => (&[], &[]),
+    }
+}
+
+/// How many numbers an attribute holds, for those that hold numbers.
+fn numbers_in(tag: &str, attribute: &str) -> Option<usize> {
+    match (tag, attribute) {
+        ("origin", _) | ("mesh", "scale") => Some(3),
+        ("mass" | "inertia", _) => Some(1),
+        _ => None,
+    }
+}
+
+struct Walk<'a> {
+    path: &'a Path,
+    doc: &'a Document<'a>,
+    out: &'a mut Findings,
+}
+
+impl Walk<'_> {
+    fn line(&self, node: Node<'_, '_>) -> Option<usize> {
+        Some(self.doc.text_pos_at(node.range().start).row as usize)
+    }
+
+    fn refuse(&mut self, node: Node<'_, '_>, what: &str, remedy: &str) {
+        let (line, key) = (self.line(node), place(node));
+        self.out.problems.push(Problem {
+            file: self.path.into(),
+            line,
+            key,
+            what: what.into(),
+            remedy: remedy.into(),
+            ..Problem::default()
+        });
+    }
+
+    fn ignore(&mut self, node: Node<'_, '_>, what: String) {
+        let line = self.line(node);
+        self.out.notes.push(Note { file: self.path.into(), line, what });
+    }
+
+    fn element(&mut self, node: Node<'_, '_>) {
+        let tag = node.tag_name().name();
+        let (children, attributes) = schema(tag);
+        self.attributes(node, attributes);
+        for text in node.children().filter(Node::is_text) {
+            if text.text().is_some_and(|t| !t.trim().is_empty()) {
+                self.refuse(node, "holds text, which URDF has no use for", "remove the text");
+            }
+        }
+        for child in node.children().filter(Node::is_element) {
+            let name = child.tag_name().name();
+            match children.iter().find(|(n, _)| *n == name).map(|(_, u)| *u) {
+                Some(Ignored(why)) => {
+                    self.ignore(child, format!("{} is ignored: {why}", place(child)));
+                }
+                Some(_) => self.element(child),
+                None => {
+                    let known: Vec<_> = children.iter().map(|(n, _)| *n).collect();
+                    let remedy = if known.is_empty() {
+                        format!("remove it: `{tag}` has no elements inside")
+                    } else {
+                        format!("remove it or use one of {}", known.join(", "))
+                    };
+                    self.refuse(child, "is not an element of URDF at this place", &remedy);
+                }
+            }
+        }
+        let count = |name: &str| {
+            node.children().filter(|c| c.is_element() && c.tag_name().name() == name).count()
+        };
+        // A geometry that is not a mesh is noted above and complete without one.
+        let shapes = children.iter().filter(|(_, u)| matches!(u, Ignored(_)));
+        let other_shape = tag == "geometry" && shapes.map(|(n, _)| count(n)).sum::<usize>() > 0;
+        for (name, used) in children {
+            match (used, count(name)) {
+                (Once, 0) if !other_shape => {
+                    self.refuse(node, &format!("has no `{name}`"), &format!("add one `{name}`"))
+                }
+                (Once | Optional, 2..) => self.refuse(
+                    node,
+                    &format!("has more than one `{name}`, of which only one would count"),
+                    &format!("leave one `{name}`"),
+                ),
+                _ => {}
+            }
+        }
+    }
+
+    fn attributes(&mut self, node: Node<'_, '_>, known: &[(&str, Use)]) {
+        let tag = node.tag_name().name();
+        for a in node.attributes() {
+            match known.iter().find(|(n, _)| *n == a.name()).map(|(_, u)| *u) {
+                Some(Ignored(why)) => {
+                    self.ignore(
+                        node,
+                        format!("{} attribute `{}` is ignored: {why}", place(node), a.name()),
+                    );
+                }
+                Some(_) => self.numbers(node, tag, a.name(), a.value()),
+                None => {
+                    let names: Vec<_> = known.iter().map(|(n, _)| *n).collect();
+                    let remedy = format!("remove it; known here: {}", names.join(", "));
+                    self.refuse(
+                        node,
+                        &format!("has the unknown attribute `{}`", a.name()),
+                        &remedy,
+                    );
+                }
+            }
+        }
+        for (name, used) in known {
+            if *used == Once && node.attribute(*name).is_none() {
+                self.refuse(
+                    node,
+                    &format!("has no attribute `{name}`"),
+                    &format!("add {name}=\"…\""),
+                );
+            }
+        }
+    }
+
+    /// `urdf-rs` drops words that are not numbers from a list; here they are refused.
+    fn numbers(&mut self, node: Node<'_, '_>, tag: &str, attribute: &str, text: &str) {
+        let line = self.line(node);
+        let key = format!("{} {attribute}", place(node));
+        if let Some(count) = numbers_in(tag, attribute) {
+            let parsed: Vec<f64> =
+                text.split_whitespace().map(|w| w.parse().unwrap_or(f64::NAN)).collect();
+            if parsed.len() != count || parsed.iter().any(|x| !x.is_finite()) {
+                self.out.problems.push(Problem {
+                    file: self.path.into(),
+                    line,
+                    key,
+                    value: format!("\"{text}\""),
+                    what: "is not what is expected here".into(),
+                    allowed: format!("{count} finite number(s), separated by spaces"),
+                    remedy: "change the value".into(),
+                    ..Problem::default()
+                });
+                return;
+            }
+            let unit = match (tag, attribute) {
+                ("mass", _) => "kg",
+                ("inertia", _) => "kg·m²",
+                ("origin", "xyz") => "m",
+                ("origin", "rpy") => "rad",
+                _ => "",
+            };
+            self.read_value(line, key, text, unit);
+        } else {
+            self.read_value(line, key, text, "");
+        }
+    }
+
+    fn read_value(&mut self, line: Option<usize>, key: String, text: &str, unit: &str) {
+        self.out.values.push(ReadValue {
+            file: self.path.into(),
+            line,
+            key,
+            value: text.to_owned(),
+            unit: unit.into(),
+            note: String::new(),
+        });
+    }
+}
+
+/// An element with the link or joint it belongs to.
+fn place(node: Node<'_, '_>) -> String {
+    let tag = node.tag_name().name();
+    let owner = node.ancestors().find(|n| matches!(n.tag_name().name(), "link" | "joint"));
+    match owner {
+        Some(o) if o == node => format!("{tag} `{}`", o.attribute("name").unwrap_or("?")),
+        Some(o) => {
+            format!("{tag} of {} `{}`", o.tag_name().name(), o.attribute("name").unwrap_or("?"))
+        }
+        None => tag.to_owned(),
+    }
+}
+
+/// Reads a URDF text. Problems and notes go to `out`; `None` when the text is not a URDF tree.
+/// With `meshes`, every mesh that is named must exist.
+pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) -> Option<UrdfTree> {
+    let problem = |line: Option<usize>, key: &str, what: String, remedy: &str| Problem {
+        file: path.into(),
+        line,
+        key: key.into(),
+        what,
+        remedy: remedy.into(),
+        ..Problem::default()
+    };
+    let doc = match Document::parse(text) {
+        Ok(doc) => doc,
+        Err(error) => {
+            let line = Some(error.pos().row as usize);
+            out.problems.push(problem(line, "xml", error.to_string(), "write well-formed XML"));
+            return None;
+        }
+    };
+    let root = doc.root_element();
+    if root.tag_name().name() != "robot" {
+        out.problems.push(problem(
+            Some(1),
+            root.tag_name().name(),
+            "is not a URDF".into(),
+            "the outermost element of a URDF is `robot`; expand xacro first",
+        ));
+        return None;
+    }
+    let problems_before = out.problems.len();
+    Walk { path, doc: &doc, out }.element(root);
+
+    let robot = match urdf_rs::read_from_string(text) {
+        Ok(robot) => robot,
+        Err(error) => {
+            // What the walk found is the cause; otherwise urdf-rs knows something we do not.
+            if out.problems.len() == problems_before {
+                out.problems.push(problem(None, "robot", error.to_string(), "mend the element"));
+            }
+            return None;
+        }
+    };
+    let mut lines = BTreeMap::new();
+    let mut with_inertial = BTreeSet::new();
+    for node in root.children().filter(Node::is_element) {
+        let tag = node.tag_name().name();
+        let name = node.attribute("name").unwrap_or_default();
+        lines.insert(format!("{tag} {name}"), doc.text_pos_at(node.range().start).row as usize);
+        if tag == "link" && node.children().any(|c| c.tag_name().name() == "inertial") {
+            with_inertial.insert(name.to_owned());
+        }
+    }
+    let (root, links) = place_links(path, &robot, &lines, out)?;
+    check_meshes(path, &robot, &lines, meshes, out);
+    Some(UrdfTree { robot, root, links, with_inertial, lines })
+}
+
+/// Checks that links and joints form one tree and gives the pose of every link in its root.
+fn place_links(
+    path: &Path,
+    robot: &Robot,
+    lines: &BTreeMap<String, usize>,
+    out: &mut Findings,
+) -> Option<(String, BTreeMap<String, Pose>)> {
+    let before = out.problems.len();
+    let mut refuse = |tag: &str, name: &str, what: String, remedy: String| {
+        out.problems.push(Problem {
+            file: path.into(),
+            line: lines.get(&format!("{tag} {name}")).copied(),
+            key: format!("{tag} `{name}`"),
+            what,
+            remedy,
+            ..Problem::default()
+        });
+    };
+    let mut names = BTreeSet::new();
+    for link in &robot.links {
+        if !names.insert(link.name.as_str()) {
+            refuse("link", &link.name, "stands twice".into(), "rename one".into());
+        }
+    }
+    let mut joints = BTreeSet::new();
+    let mut parent_of = BTreeMap::new();
+    for j in &robot.joints {
+        if !joints.insert(j.name.as_str()) {
+            refuse("joint", &j.name, "stands twice".into(), "rename one".into());
+        }
+        for end in [&j.parent.link, &j.child.link] {
+            if !names.contains(end.as_str()) {
+                refuse(
+                    "joint",
+                    &j.name,
+                    format!("names the link `{end}`, which does not exist"),
+                    format!("add the link or name one of {}", list(names.iter().copied())),
+                );
+            }
+        }
+        if parent_of.insert(j.child.link.as_str(), j).is_some() {
+            refuse(
+                "link",
+                &j.child.link,
+                "is the child of more than one joint".into(),
+                "a URDF is a tree: leave one; loops are closed in the TOML".into(),
+            );
+        }
+    }
+    let roots: Vec<&str> = names.iter().copied().filter(|n| !parent_of.contains_key(n)).collect();
+    if roots.len() != 1 {
+        let key = &robot.name;
+        let what = if roots.is_empty() {
+            "has no root link: every link hangs on another one".to_owned()
+        } else {
+            format!("has {} root links: {}", roots.len(), list(roots.iter().copied()))
+        };
+        refuse("robot", key, what, "join the links by joints into one tree".into());
+    }
+    let mut poses = BTreeMap::new();
+    for name in &names {
+        // Up to the root, at most as many steps as there are links.
+        let mut chain = Vec::new();
+        let mut at = *name;
+        while let Some(j) = parent_of.get(at) {
+            if chain.len() > names.len() {
+                break;
+            }
+            chain.push(*j);
+            at = j.parent.link.as_str();
+        }
+        if chain.len() > names.len() {
+            refuse(
+                "link",
+                name,
+                "hangs on a cycle of joints".into(),
+                "a URDF is a tree: cut the cycle".into(),
+            );
+            continue;
+        }
+        let pose = chain.iter().rev().fold(Pose::IDENTITY, |x, j| x * pose_of(&j.origin));
+        poses.insert((*name).to_owned(), pose);
+    }
+    (out.problems.len() == before).then(|| (roots[0].to_owned(), poses))
+}
+
+fn check_meshes(
+    path: &Path,
+    robot: &Robot,
+    lines: &BTreeMap<String, usize>,
+    must_exist: bool,
+    out: &mut Findings,
+) {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    for link in &robot.links {
+        for visual in &link.visual {
+            let Geometry::Mesh { filename, scale } = &visual.geometry else { continue };
+            let mut refuse = |what: &str, remedy: &str| {
+                out.problems.push(Problem {
+                    file: path.into(),
+                    line: lines.get(&format!("link {}", link.name)).copied(),
+                    key: format!("mesh of link `{}`", link.name),
+                    value: filename.clone(),
+                    what: what.into(),
+                    remedy: remedy.into(),
+                    ..Problem::default()
+                });
+            };
+            if filename.contains("://") {
+                refuse("is not a relative path", "give the path from the folder of the URDF");
+            } else if must_exist && !folder.join(filename).is_file() {
+                refuse("does not exist", "run `cargo xtask meshes`, or mend the file name");
+            }
+            let unscaled = |s: &urdf_rs::Vec3| s.iter().all(|x| (x - 1.0).abs() < f64::EPSILON);
+            if scale.as_ref().is_some_and(|s| !unscaled(s)) {
+                refuse("is scaled", "meshes are in metres: remove the scale");
+            }
+        }
+    }
+}
+
+/// URDF origin: translation, then rotation about the fixed axes X, Y, Z in this order.
+pub(crate) fn pose_of(origin: &urdf_rs::Pose) -> Pose {
+    let [roll, pitch, yaw] = origin.rpy.0;
+    let q =
+        DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+    Pose::new(DVec3::from_array(origin.xyz.0), q)
+}
+
+/// Mass, mass centre and inertia about it, all in the axes of the frame they are seen from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MassProperties {
+    pub(crate) mass_kg: f64,
+    pub(crate) com_m: DVec3,
+    pub(crate) inertia_kg_m2: DMat3,
+}
+
+/// Mass properties of one link seen from a frame in which the link stands at `x`; checks them.
+pub(crate) fn mass_of(
+    path: &Path,
+    tree: &UrdfTree,
+    link: &urdf_rs::Link,
+    x: Pose,
+    out: &mut Findings,
+) -> MassProperties {
+    let i = &link.inertial.inertia;
+    let inertia = DMat3::from_cols(
+        DVec3::new(i.ixx, i.ixy, i.ixz),
+        DVec3::new(i.ixy, i.iyy, i.iyz),
+        DVec3::new(i.ixz, i.iyz, i.izz),
+    );
+    let mass_kg = link.inertial.mass.value;
+    let mut refuse = |key: &str, value: String, unit: &str, what: &str, allowed: &str| {
+        out.problems.push(Problem {
+            file: path.into(),
+            line: tree.line("link", &link.name),
+            key: format!("{key} of link `{}`", link.name),
+            value,
+            unit: unit.into(),
+            what: what.into(),
+            allowed: allowed.into(),
+            remedy: "change the inertial in the URDF".into(),
+        });
+    };
+    if !(mass_kg > 0.0 && mass_kg <= 1e7) {
+        refuse("mass", mass_kg.to_string(), "kg", "is out of range", "> 0 and ≤ 10000000");
+    }
+    let p = principal_moments(inertia);
+    let shown = format!("principal moments {:.6} {:.6} {:.6}", p[0], p[1], p[2]);
+    if p[0] <= 0.0 {
+        let what = "is not positive definite";
+        refuse("inertia", shown, "kg·m²", what, "three principal moments > 0");
+    } else if p[0] + p[1] < p[2] * (1.0 - 1e-9) {
+        let what = "is not that of any body: the sum of two principal moments is below the third";
+        refuse("inertia", shown, "kg·m²", what, "each moment ≤ the sum of the others");
+    }
+    let x = x * pose_of(&link.inertial.origin);
+    MassProperties {
+        mass_kg,
+        com_m: x.p,
+        inertia_kg_m2: docktwin_core::inertia_world(x.q, inertia),
+    }
+}
+
+/// Several rigidly joined bodies as one.
+pub(crate) fn compose(parts: &[MassProperties]) -> MassProperties {
+    let mass_kg: f64 = parts.iter().map(|b| b.mass_kg).sum();
+    let com_m = parts.iter().map(|b| b.mass_kg * b.com_m).sum::<DVec3>() / mass_kg;
+    let mut inertia_kg_m2 = DMat3::ZERO;
+    for b in parts {
+        let s = docktwin_core::skew(b.com_m - com_m);
+        // Parallel axes: I + m (d² 1 − d dᵀ) = I − m [d]× [d]×.
+        inertia_kg_m2 += b.inertia_kg_m2 - s * s * b.mass_kg;
+    }
+    MassProperties { mass_kg, com_m, inertia_kg_m2 }
+}
+
+/// Eigenvalues of a symmetric matrix, rising; Jacobi rotations.
+pub(crate) fn principal_moments(m: DMat3) -> [f64; 3] {
+    let mut a = m.to_cols_array_2d();
+    for _ in 0..30 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if a[p][q].abs() <= f64::MIN_POSITIVE {
+                continue;
+            }
+            // tan 2t = 2 a_pq / (a_pp − a_qq), the rotation that clears a_pq.
+            let t = 0.5 * (2.0 * a[p][q]).atan2(a[p][p] - a[q][q]);
+            let (s, c) = t.sin_cos();
+            for row in &mut a {
+                (row[p], row[q]) = (c * row[p] + s * row[q], c * row[q] - s * row[p]);
+            }
+            let (rp, rq) = (a[p], a[q]);
+            for k in 0..3 {
+                a[p][k] = c * rp[k] + s * rq[k];
+                a[q][k] = c * rq[k] - s * rp[k];
+            }
+        }
+    }
+    let mut d = [a[0][0], a[1][1], a[2][2]];
+    d.sort_by(f64::total_cmp);
+    d
+}
+
+/// Whether a joint cannot move.
+pub(crate) fn is_fixed(kind: &JointType) -> bool {
+    *kind == JointType::Fixed
+}
+
+fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
+}

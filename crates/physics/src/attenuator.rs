@@ -1,0 +1,397 @@
+//! What carries the active ring: per-axis characteristics, or screw legs coupled by differentials.
+//!
+//! The ring's deflection is the pose of `r3` in `e3` against its rest. Forces act on the ring at
+//! the ring centre and on the chaser, opposite, at the same point, so momentum is conserved
+//! whatever the deflection. Rotations are measured by the rotation vector ψ; its rate is
+//! ψ' = J⁻¹(ψ) ω, so a moment that derives from V(ψ) is −J⁻ᵀ ∂V/∂ψ.
+
+use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench, skew};
+use docktwin_model::{
+    Attenuator, AxisChannel, CharacteristicAttenuator, DifferentialAttenuator, PiecewiseCurve,
+};
+
+use crate::contact::law::bristle;
+
+/// Over this far into a stop its damping grows to its full value, m or rad.
+const STOP_ENGAGEMENT: f64 = 1e-3;
+/// Break-away displacement of dry friction in the channels, m or rad.
+const DRY_BREAKAWAY: f64 = 2e-4;
+/// Channels: four in the characteristic model, six in the differential one.
+const CHANNELS: usize = 6;
+
+/// Value and integral from zero at `x` ≥ 0: linear between points, last slope beyond.
+fn curve(c: &PiecewiseCurve, x: f64) -> (f64, f64) {
+    let mut area = 0.0;
+    for (i, w) in c.points.windows(2).enumerate() {
+        let ([x0, f0], [x1, f1]) = (w[0], w[1]);
+        if x <= x1 || i + 2 == c.points.len() {
+            let slope = (f1 - f0) / (x1 - x0);
+            let d = x - x0;
+            return (f0 + slope * d, area + d * (f0 + 0.5 * slope * d));
+        }
+        area += 0.5 * (f0 + f1) * (x1 - x0);
+    }
+    (0.0, 0.0)
+}
+
+/// Memory of one channel; vectors so that isotropic channels (Y/Z, pitch/yaw) are one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct ChannelState {
+    /// Slip of the series brake, m or rad.
+    slip: DVec3,
+    /// Bristle of the dry friction and of the branches.
+    dry: DVec3,
+}
+
+/// What the attenuator remembers from step to step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AttenuatorState {
+    channels: [ChannelState; CHANNELS],
+}
+
+impl AttenuatorState {
+    /// Adds all bits to a digest.
+    pub fn hash(&self, h: &mut StateHasher) {
+        for c in &self.channels {
+            h.vec3(c.slip);
+            h.vec3(c.dry);
+        }
+    }
+
+    /// Slip of the longitudinal brake, m.
+    #[must_use]
+    pub const fn axial_slip_m(&self) -> f64 {
+        self.channels[0].slip.x
+    }
+}
+
+/// Force of one channel and where its energy goes.
+#[derive(Clone, Copy, Debug, Default)]
+struct ChannelForce {
+    force: DVec3,
+    lost_w: f64,
+    next: ChannelState,
+}
+
+/// One channel at deflection `x` moving at `v`.
+fn channel(
+    c: &AxisChannel,
+    state: &ChannelState,
+    x: DVec3,
+    v: DVec3,
+    damping_phase: f64,
+    h: f64,
+) -> ChannelForce {
+    let damping =
+        c.damping.before_capture + (c.damping.after_capture - c.damping.before_capture) * damping_phase;
+    let spring = |e: DVec3| {
+        let size = e.length();
+        let unit = if size > 1e-15 { e / size } else { DVec3::ZERO };
+        let (up, _) = curve(&c.loading, size);
+        let (down, _) = curve(&c.unloading, size);
+        (unit * (0.5 * (up + down)), 0.5 * (up - down).max(0.0))
+    };
+    let mut next = *state;
+    let elongation = x - state.slip;
+    let (elastic, branch) = spring(elongation);
+    let mut series = -(elastic + v * damping);
+    let mut lost = 0.0;
+    match &c.series_brake {
+        Some(b) => {
+            let size = series.length();
+            if size > b.force {
+                // Spring and damper in series with the slipping brake: the force is the same in
+                // both, k e + c (v − s') = F_b + b s'.
+                let pull = -series / size;
+                let rate = (size - b.force) / (damping + b.viscous);
+                let slip_rate = pull * rate;
+                series = -(elastic + (v - slip_rate) * damping);
+                next.slip += slip_rate * h;
+                lost += -series.dot(slip_rate) + damping * (v - slip_rate).length_squared();
+            } else {
+                lost += damping * v.length_squared();
+            }
+        }
+        None => lost += damping * v.length_squared(),
+    }
+    let mut force = series;
+    // Branches and dry friction: one bristle.
+    let dry = c.dry_friction + branch;
+    if dry > 0.0 {
+        let breakaway = if branch > 0.0 { c.branch_change } else { DRY_BREAKAWAY };
+        let (mean, end) = bristle(breakaway, state.dry, v, h);
+        let f = -mean * dry;
+        force += f;
+        next.dry = end;
+        lost -= f.dot(v);
+    }
+    // End stops.
+    let (over, unit) = beyond_travel(c, x);
+    if over > 0.0 {
+        let rate = v.dot(unit);
+        let damp = c.stop_damping * rate * (over / STOP_ENGAGEMENT).min(1.0);
+        let push = (c.stop_stiffness * over + damp).max(0.0);
+        force -= unit * push;
+        lost += (push - c.stop_stiffness * over) * rate;
+    }
+    ChannelForce { force, lost_w: lost, next }
+}
+
+/// How far beyond its travel, and in which direction.
+fn beyond_travel(c: &AxisChannel, x: DVec3) -> (f64, DVec3) {
+    let one_sided = x.y.abs() + x.z.abs() < 1e-300;
+    let size = x.length();
+    if size < 1e-15 {
+        return (0.0, DVec3::X);
+    }
+    let travel = if one_sided && x.x < 0.0 { c.travel_negative } else { c.travel_positive };
+    ((size - travel).max(0.0), x / size)
+}
+
+fn channel_energy(c: &AxisChannel, state: &ChannelState, x: DVec3) -> f64 {
+    let e = (x - state.slip).length();
+    let (over, _) = beyond_travel(c, x);
+    0.5 * (curve(&c.loading, e).1 + curve(&c.unloading, e).1) + 0.5 * c.stop_stiffness * over * over
+}
+
+/// Deflection of the ring against its rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deflection {
+    /// Ring centre, in `e3`, m.
+    pub d: DVec3,
+    /// Rotation vector of `R_3r`, in `e3`, rad.
+    pub psi: DVec3,
+}
+
+/// Wrench of the attenuator on the ring at the ring centre, axes of `e3`, and its losses.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AttenuatorForce {
+    /// On the ring, N and N·m, about the ring centre, axes of `e3`.
+    pub on_ring: Wrench,
+    /// Power lost, W.
+    pub lost_w: f64,
+    /// Memory at the end of the step.
+    pub next: AttenuatorState,
+}
+
+/// The attenuator at one deflection: everything that depends on positions only.
+#[derive(Clone, Copy, Debug)]
+pub struct AttenuatorGeometry {
+    deflection: Deflection,
+    j_inv: DMat3,
+    x_3r: Pose,
+}
+
+impl AttenuatorGeometry {
+    /// From the pose of the ring frame in `e3` and the rest offset along X3 (m).
+    #[must_use]
+    pub fn new(x_3r: Pose, rest_offset_m: f64) -> Self {
+        let q = if x_3r.q.w < 0.0 { -x_3r.q } else { x_3r.q };
+        let psi = q.to_scaled_axis();
+        Self {
+            deflection: Deflection { d: x_3r.p - DVec3::X * rest_offset_m, psi },
+            j_inv: left_jacobian_inverse(psi),
+            x_3r,
+        }
+    }
+
+    /// The deflection.
+    #[must_use]
+    pub const fn deflection(&self) -> Deflection {
+        self.deflection
+    }
+}
+
+/// J⁻¹ with ψ' = J⁻¹ ω, ω in the frame against which the rotation is measured.
+fn left_jacobian_inverse(psi: DVec3) -> DMat3 {
+    let t2 = psi.length_squared();
+    let s = skew(psi);
+    // 1/θ² − (1 + cos θ)/(2 θ sin θ) = 1/12 + θ²/720 + …
+    let c = if t2 < 1e-6 {
+        1.0 / 12.0 + t2 / 720.0
+    } else {
+        let t = t2.sqrt();
+        1.0 / t2 - (1.0 + t.cos()) / (2.0 * t * t.sin())
+    };
+    DMat3::IDENTITY - s * 0.5 + s * s * c
+}
+
+const X: DVec3 = DVec3::X;
+
+/// Force of the attenuator. `rel` is the motion of the ring relative to `e3` at the ring centre, in
+/// `e3`; `damping_phase` goes from 0 (before capture) to 1 (after).
+#[must_use]
+pub fn force(
+    model: &Attenuator,
+    g: &AttenuatorGeometry,
+    state: &AttenuatorState,
+    rel: Twist,
+    damping_phase: f64,
+    h: f64,
+) -> AttenuatorForce {
+    match model {
+        Attenuator::Rigid => AttenuatorForce { next: *state, ..AttenuatorForce::default() },
+        Attenuator::Characteristic(m) => characteristic(m, g, state, rel, damping_phase, h),
+        Attenuator::Differential(m) => differential(m, g, state, rel, damping_phase, h),
+    }
+}
+
+fn across(v: DVec3) -> DVec3 {
+    DVec3::new(0.0, v.y, v.z)
+}
+
+fn characteristic(
+    m: &CharacteristicAttenuator,
+    g: &AttenuatorGeometry,
+    state: &AttenuatorState,
+    rel: Twist,
+    phase: f64,
+    h: f64,
+) -> AttenuatorForce {
+    let Deflection { d, psi } = g.deflection;
+    let psi_rate = g.j_inv * rel.w;
+    let parts = [
+        channel(&m.axial, &state.channels[0], X * d.x, X * rel.v.x, phase, h),
+        channel(&m.lateral, &state.channels[1], across(d), across(rel.v), phase, h),
+        channel(&m.roll, &state.channels[2], X * psi.x, X * psi_rate.x, phase, h),
+        channel(&m.tilt, &state.channels[3], across(psi), across(psi_rate), phase, h),
+    ];
+    let mut next = *state;
+    parts.iter().zip(&mut next.channels).for_each(|(p, n)| *n = p.next);
+    AttenuatorForce {
+        on_ring: Wrench {
+            f: parts[0].force + parts[1].force,
+            m: g.j_inv.transpose() * (parts[2].force + parts[3].force),
+        },
+        lost_w: parts.iter().map(|p| p.lost_w).sum(),
+        next,
+    }
+}
+
+/// Leg vectors, lengths against rest, and their Jacobian rows (force direction, moment arm about
+/// the ring centre), all in `e3`.
+fn legs(m: &DifferentialAttenuator, g: &AttenuatorGeometry) -> [(f64, DVec3, DVec3); 6] {
+    let rest = DVec3::X * (g.x_3r.p.x - g.deflection.d.x);
+    core::array::from_fn(|i| {
+        let arm = g.x_3r.q * m.ring_joints_m[i];
+        let leg = g.x_3r.p + arm - m.base_joints_m[i];
+        let length = leg.length();
+        let l_rest = (rest + m.ring_joints_m[i] - m.base_joints_m[i]).length();
+        (length - l_rest, leg / length, arm)
+    })
+}
+
+fn differential(
+    m: &DifferentialAttenuator,
+    g: &AttenuatorGeometry,
+    state: &AttenuatorState,
+    rel: Twist,
+    phase: f64,
+    h: f64,
+) -> AttenuatorForce {
+    let legs = legs(m, g);
+    let rates = legs.map(|(_, e, arm)| e.dot(rel.v + rel.w.cross(arm)));
+    let mut out = AttenuatorForce { next: *state, ..AttenuatorForce::default() };
+    let mut leg_force = [0.0; 6];
+    for (row, c) in m.channels.iter().enumerate() {
+        let along = |x: &dyn Fn(usize) -> f64| -> f64 {
+            (0..6).map(|i| m.coupling[row][i] * x(i)).sum()
+        };
+        let (x, v) = (along(&|i| legs[i].0), along(&|i| rates[i]));
+        let part = channel(c, &state.channels[row], X * x, X * v, phase, h);
+        out.lost_w += part.lost_w;
+        out.next.channels[row] = part.next;
+        for (f, k) in leg_force.iter_mut().zip(m.coupling[row]) {
+            *f += k * part.force.x;
+        }
+    }
+    for ((_, e, arm), f) in legs.iter().zip(leg_force) {
+        out.on_ring.push(*arm, *e * f);
+    }
+    out
+}
+
+/// Stored energy, J.
+#[must_use]
+pub fn stored_energy(model: &Attenuator, g: &AttenuatorGeometry, state: &AttenuatorState) -> f64 {
+    let Deflection { d, psi } = g.deflection;
+    let s = &state.channels;
+    match model {
+        Attenuator::Rigid => 0.0,
+        Attenuator::Characteristic(m) => {
+            channel_energy(&m.axial, &s[0], X * d.x)
+                + channel_energy(&m.lateral, &s[1], across(d))
+                + channel_energy(&m.roll, &s[2], X * psi.x)
+                + channel_energy(&m.tilt, &s[3], across(psi))
+        }
+        Attenuator::Differential(m) => {
+            let legs = legs(m, g);
+            m.channels
+                .iter()
+                .enumerate()
+                .map(|(row, c)| {
+                    let x: f64 = (0..6).map(|i| m.coupling[row][i] * legs[i].0).sum();
+                    channel_energy(c, &s[row], X * x)
+                })
+                .sum()
+        }
+    }
+}
+
+/// How far the attenuator is pushed beyond its travel, m; rotations count at `ring_radius_m`.
+#[must_use]
+pub fn overtravel(model: &Attenuator, g: &AttenuatorGeometry, ring_radius_m: f64) -> f64 {
+    let Deflection { d, psi } = g.deflection;
+    match model {
+        Attenuator::Rigid => 0.0,
+        Attenuator::Characteristic(m) => [
+            beyond_travel(&m.axial, X * d.x).0,
+            beyond_travel(&m.lateral, across(d)).0,
+            beyond_travel(&m.roll, X * psi.x).0 * ring_radius_m,
+            beyond_travel(&m.tilt, across(psi)).0 * ring_radius_m,
+        ]
+        .into_iter()
+        .fold(0.0, f64::max),
+        Attenuator::Differential(m) => {
+            let legs = legs(m, g);
+            m.channels
+                .iter()
+                .enumerate()
+                .map(|(row, c)| {
+                    let x: f64 = (0..6).map(|i| m.coupling[row][i] * legs[i].0).sum();
+                    beyond_travel(c, X * x).0
+                })
+                .fold(0.0, f64::max)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use docktwin_core::DQuat;
+
+    #[test]
+    fn oracle_rotation_vector_rate() {
+        // ψ' by differentiating R(t) = exp([ω t]×) R0 numerically.
+        let psi = DVec3::new(0.1, -0.2, 0.15);
+        let w = DVec3::new(0.3, 0.5, -0.4);
+        let at = |t: f64| (DQuat::from_scaled_axis(w * t) * DQuat::from_scaled_axis(psi)).to_scaled_axis();
+        let h = 1e-5;
+        let want = (at(h) - at(-h)) / (2.0 * h);
+        assert!((left_jacobian_inverse(psi) * w - want).length() < 1e-9);
+        let small = psi * 1e-4;
+        let at = |t: f64| (DQuat::from_scaled_axis(w * t) * DQuat::from_scaled_axis(small)).to_scaled_axis();
+        let want = (at(h) - at(-h)) / (2.0 * h);
+        assert!((left_jacobian_inverse(small) * w - want).length() < 1e-9);
+    }
+
+    #[test]
+    fn oracle_curve_and_its_area() {
+        let c = PiecewiseCurve { points: vec![[0.0, 0.0], [1.0, 2.0], [3.0, 3.0]] };
+        let close = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() < 1e-12 && (a.1 - b.1).abs() < 1e-12;
+        assert!(close(curve(&c, 0.5), (1.0, 0.25)));
+        assert!(close(curve(&c, 2.0), (2.5, 1.0 + 2.25)));
+        assert!(close(curve(&c, 5.0), (4.0, 1.0 + 5.0 + 7.0)));
+    }
+}

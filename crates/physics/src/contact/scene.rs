@@ -1,0 +1,846 @@
+//! The surfaces of both sides, their pairs, and the state that contact carries from step to step.
+
+use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_model::{ContactLaw, DockingMechanism, PetalGeometry, SideGeometry};
+
+use super::{
+    law,
+    merge::{Merged, Sample, places, single},
+    shape::{Circle, Segment, parabola_peak, segment_circle, segment_segment},
+};
+
+/// Most petals a side may have.
+const MAX_PETALS: usize = 3;
+/// Pairs of surfaces: ring–ring, 3 active petals on the passive ring, 3 passive petals on the
+/// active ring, 9 pairs of petals.
+pub const PAIRS: usize = 1 + 2 * MAX_PETALS + MAX_PETALS * MAX_PETALS;
+/// Two places and two saddles for every pair with a ring, one place for two petals.
+const MAX_PLACES: usize = 4 * (1 + 2 * MAX_PETALS) + MAX_PETALS * MAX_PETALS;
+/// Places with friction of one pair.
+const SLOTS: usize = 2;
+/// Intervals of a petal across its rulings, against a ring.
+const RING_INTERVALS: usize = 6;
+/// Intervals around a ring, against a ring.
+const CIRCLE_INTERVALS: usize = 24;
+/// Rulings of a petal for the first look, against a petal.
+const COARSE: usize = 5;
+/// Pieces along a ruling over which a line contact is spread.
+const ALONG: usize = 5;
+
+/// One pair of surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfacePair {
+    /// Active ring on passive ring.
+    RingRing,
+    /// Active petal on passive ring.
+    PetalRing(usize),
+    /// Active ring on passive petal.
+    RingPetal(usize),
+    /// Active petal on passive petal.
+    PetalPetal(usize, usize),
+}
+
+impl SurfacePair {
+    /// From its number below [`PAIRS`].
+    #[must_use]
+    pub fn from_index(i: usize) -> Self {
+        match i {
+            0 => Self::RingRing,
+            1..=3 => Self::PetalRing(i - 1),
+            4..=6 => Self::RingPetal(i - 4),
+            _ => Self::PetalPetal((i - 7) / MAX_PETALS, (i - 7) % MAX_PETALS),
+        }
+    }
+
+    /// Its number.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::RingRing => 0,
+            Self::PetalRing(i) => 1 + i,
+            Self::RingPetal(i) => 4 + i,
+            Self::PetalPetal(a, p) => 7 + MAX_PETALS * a + p,
+        }
+    }
+}
+
+impl core::fmt::Display for SurfacePair {
+    /// Petals are numbered from 1; those of the passive side carry a prime.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::RingRing => write!(f, "active ring · passive ring"),
+            Self::PetalRing(i) => write!(f, "active petal {} · passive ring", i + 1),
+            Self::RingPetal(i) => write!(f, "active ring · passive petal {}'", i + 1),
+            Self::PetalPetal(a, p) => write!(f, "active petal {} · passive petal {}'", a + 1, p + 1),
+        }
+    }
+}
+
+/// One petal with what does not change.
+#[derive(Clone, Debug)]
+struct Petal {
+    geometry: PetalGeometry,
+    index: u32,
+    radius: f64,
+    /// Nodes and middles of [`RING_INTERVALS`].
+    fine: [Segment; 2 * RING_INTERVALS + 1],
+    coarse: [Segment; COARSE],
+    /// Ball around the petal with its thickness.
+    centre: DVec3,
+    reach: f64,
+    /// 1/(3EI) and the length of a ruling.
+    compliance: f64,
+    length: f64,
+}
+
+impl Petal {
+    fn new(g: &PetalGeometry, index: u32) -> Self {
+        let at = |u: f64| {
+            let [a, b] = g.ruling(index, u);
+            Segment::between(a, b)
+        };
+        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+        let u_of = |i: usize, n: usize| -1.0 + 2.0 * i as f64 / (n - 1) as f64;
+        let fine = core::array::from_fn(|i| at(u_of(i, 2 * RING_INTERVALS + 1)));
+        let coarse: [Segment; COARSE] = core::array::from_fn(|i| at(u_of(i, COARSE)));
+        let middle = at(0.0);
+        let centre = middle.at(0.5);
+        let reach = coarse
+            .iter()
+            .flat_map(|s| [s.at(0.0), s.at(1.0)])
+            .map(|p| (p - centre).length())
+            .fold(0.0, f64::max);
+        Self {
+            geometry: *g,
+            index,
+            radius: 0.5 * g.thickness_m,
+            fine,
+            coarse,
+            centre,
+            reach,
+            compliance: 1.0 / (3.0 * g.flexural_rigidity_n_m2),
+            length: middle.d.length(),
+        }
+    }
+
+    fn ruling(&self, u: f64) -> Segment {
+        let [a, b] = self.geometry.ruling(self.index, u);
+        Segment::between(a, b)
+    }
+}
+
+/// One side.
+#[derive(Clone, Debug)]
+struct Side {
+    circle: Circle,
+    tube: f64,
+    petals: Vec<Petal>,
+}
+
+impl Side {
+    fn new(g: &SideGeometry) -> Self {
+        let petals = g
+            .petals
+            .as_ref()
+            .map(|p| (0..p.count.min(3)).map(|i| Petal::new(p, i)).collect())
+            .unwrap_or_default();
+        Self {
+            circle: Circle {
+                centre: DVec3::ZERO,
+                axis: DVec3::X,
+                e0: DVec3::Y,
+                e1: DVec3::Z,
+                radius: g.ring.mean_radius_m,
+            },
+            tube: g.ring.section_radius_m,
+            petals,
+        }
+    }
+}
+
+/// Both sides, immutable.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    active: Side,
+    passive: Side,
+    law: ContactLaw,
+    /// cos and sin of the nodes and middles of [`CIRCLE_INTERVALS`].
+    around: [(f64, f64); 2 * CIRCLE_INTERVALS],
+}
+
+/// Friction memory of one place, in the frame of the active ring.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Bristle {
+    y: DVec3,
+    u: f64,
+    active: bool,
+}
+
+/// What contact remembers from step to step: bristles and sides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ContactState {
+    bristles: [[Bristle; SLOTS]; PAIRS],
+    /// Last normal of each pair in contact, in the active ring's frame; zero when apart. It tells
+    /// on which side a surface is once the cores have met.
+    normals: [DVec3; PAIRS],
+}
+
+impl Default for ContactState {
+    fn default() -> Self {
+        Self {
+            bristles: [[Bristle::default(); SLOTS]; PAIRS],
+            normals: [DVec3::ZERO; PAIRS],
+        }
+    }
+}
+
+impl ContactState {
+    /// Adds all bits to a digest.
+    pub fn hash(&self, h: &mut StateHasher) {
+        for b in self.bristles.iter().flatten() {
+            h.vec3(b.y);
+            h.f64(b.u);
+            h.u64(u64::from(b.active));
+        }
+        self.normals.iter().for_each(|n| h.vec3(*n));
+    }
+}
+
+/// One place of contact, world frame.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    pair: usize,
+    slot: usize,
+    merged: Merged,
+    /// Bristle in world axes.
+    y: DVec3,
+}
+
+/// What [`Scene::measure`] found: at most two places and a saddle per pair.
+#[derive(Clone, Debug)]
+pub struct Contacts {
+    places: [Place; MAX_PLACES],
+    len: usize,
+    law: ContactLaw,
+    q_wr: docktwin_core::DQuat,
+    deepest: f64,
+    touching: bool,
+}
+
+/// Powers and energy of all contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactEnergy {
+    /// Power lost in the normal law, W.
+    pub damping_w: f64,
+    /// Power lost in friction, W.
+    pub friction_w: f64,
+}
+
+/// One place of contact for the record, world frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactSample {
+    /// Pair of surfaces, see [`SurfacePair::from_index`].
+    pub pair: usize,
+    /// Point of contact, m.
+    pub point_w_m: DVec3,
+    /// Normal force on the passive side, N.
+    pub normal_w_n: DVec3,
+    /// Friction on the passive side, N.
+    pub friction_w_n: DVec3,
+    /// Depth, m.
+    pub depth_m: f64,
+}
+
+impl Scene {
+    /// Builds the tables of a checked model.
+    #[must_use]
+    pub fn new(m: &DockingMechanism) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+        let around = core::array::from_fn(|i| {
+            let (s, c) =
+                (core::f64::consts::PI * i as f64 / CIRCLE_INTERVALS as f64).sin_cos();
+            (c, s)
+        });
+        Self {
+            active: Side::new(&m.active),
+            passive: Side::new(&m.passive),
+            law: m.contact,
+            around,
+        }
+    }
+
+    /// The law.
+    #[must_use]
+    pub const fn law(&self) -> &ContactLaw {
+        &self.law
+    }
+
+    /// Whether the sides overlap anywhere with `x_rp`, the pose of the passive ring frame `r4` in
+    /// the active ring frame `r3`.
+    #[must_use]
+    pub fn touches(&self, x_rp: Pose) -> bool {
+        self.measure(&ContactState::default(), Pose::IDENTITY, x_rp).touching
+    }
+
+    /// Measures all pairs. `x_wr` and `x_wp` are the world poses of the ring frames `r3` and `r4`.
+    #[must_use]
+    pub fn measure(&self, state: &ContactState, x_wr: Pose, x_wp: Pose) -> Contacts {
+        let x_rp = x_wr.inverse() * x_wp;
+        let mut out = Contacts::none(&self.law, x_wr);
+        let passive_circle = Circle {
+            centre: x_rp.p,
+            axis: x_rp.q * DVec3::X,
+            e0: x_rp.q * DVec3::Y,
+            e1: x_rp.q * DVec3::Z,
+            radius: self.passive.circle.radius,
+        };
+        let x_pr = x_rp.inverse();
+        let active_circle_p = Circle {
+            centre: x_pr.p,
+            axis: x_pr.q * DVec3::X,
+            e0: x_pr.q * DVec3::Y,
+            e1: x_pr.q * DVec3::Z,
+            radius: self.active.circle.radius,
+        };
+
+        self.ring_ring(state, &passive_circle, x_wr, &mut out);
+        for (i, petal) in self.active.petals.iter().enumerate() {
+            let pair = SurfacePair::PetalRing(i).index();
+            let before = state.normals[pair];
+            self.petal_ring(petal, &passive_circle, self.passive.tube, before, |s| s, pair, state, x_wr, &mut out);
+        }
+        for (i, petal) in self.passive.petals.iter().enumerate() {
+            let pair = SurfacePair::RingPetal(i).index();
+            // Measured in r4 with the petal first; turned round so that normals point to passive.
+            let before = x_pr.q * -state.normals[pair];
+            let turn = |mut s: Sample| {
+                s.c = x_rp.transform_point(s.c);
+                s.n = -(x_rp.q * s.n);
+                s.softening = -(x_rp.q * s.softening);
+                s
+            };
+            self.petal_ring(petal, &active_circle_p, self.active.tube, before, turn, pair, state, x_wr, &mut out);
+        }
+        for (j, passive) in self.passive.petals.iter().enumerate() {
+            let centre = x_rp.transform_point(passive.centre);
+            let mut coarse: Option<[Segment; COARSE]> = None;
+            for (i, active) in self.active.petals.iter().enumerate() {
+                let gap = (centre - active.centre).length()
+                    - active.reach
+                    - passive.reach
+                    - active.radius
+                    - passive.radius;
+                if gap > 0.0 {
+                    continue;
+                }
+                let moved = coarse.get_or_insert_with(|| {
+                    passive.coarse.map(|s| Segment { a: x_rp.transform_point(s.a), d: x_rp.q * s.d })
+                });
+                self.petal_petal(active, passive, moved, x_rp, (i, j), state, x_wr, &mut out);
+            }
+        }
+        out
+    }
+
+    fn ring_ring(&self, state: &ContactState, other: &Circle, x_wr: Pose, out: &mut Contacts) {
+        let (own, sum) = (&self.active.circle, self.active.tube + self.passive.tube);
+        // The rings are apart when their planes' slab and their centres say so.
+        let reach = other.radius * (1.0 - other.axis.x * other.axis.x).max(0.0).sqrt();
+        if other.centre.x.abs() > reach + sum {
+            return;
+        }
+        const N: usize = 2 * CIRCLE_INTERVALS;
+        let mut d = [0.0; N];
+        let mut deepest = f64::NEG_INFINITY;
+        for (d, (c, s)) in d.iter_mut().zip(self.around) {
+            let p = own.at(c, s);
+            *d = sum - (other.nearest(p) - p).length();
+            deepest = deepest.max(*d);
+        }
+        // Between nodes 7.5° apart the distance changes by no more than the arc.
+        if deepest < -own.radius * core::f64::consts::PI / (2.0 * CIRCLE_INTERVALS as f64) {
+            return;
+        }
+        let mut samples = [Sample::NONE; CIRCLE_INTERVALS];
+        let width = core::f64::consts::PI / CIRCLE_INTERVALS as f64;
+        let k = law::stiffness(&self.law.normal);
+        for (i, sample) in samples.iter_mut().enumerate() {
+            let (l, m, r) = (d[2 * i], d[2 * i + 1], d[(2 * i + 2) % N]);
+            let (t, guess) = parabola_peak(l, m, r);
+            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+            let mid = (2 * i + 1) as f64 * width;
+            let mut u = mid + t * width;
+            if guess < deepest - 0.02 && guess < 0.0 {
+                // Far from deciding anything: the interpolated value will do.
+                *sample = Sample { u, depth: guess, ..Sample::NONE };
+                continue;
+            }
+            let (mut c, mut n, mut depth) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            for last in [false, false, true] {
+                let (sin, cos) = u.sin_cos();
+                let p = own.at(cos, sin);
+                let q = other.nearest(p);
+                let gap = q - p;
+                let dist = gap.length();
+                (n, depth) = (gap / dist.max(1e-12), sum - dist);
+                c = p + n * (self.active.tube - 0.5 * depth);
+                if last {
+                    break;
+                }
+                // Newton on f(u) = ½|q − p|²: f' = −(q − p)·p', and q moves along its own tangent.
+                let dp = (own.e1 * cos - own.e0 * sin) * own.radius;
+                let tau = other.axis.cross(q - other.centre) / other.radius;
+                let along = dp.dot(tau);
+                // How far q follows p along its circle.
+                let lever = (p - other.centre).dot((q - other.centre) / other.radius) / other.radius;
+                let f1 = -gap.dot(dp);
+                let f2 = dp.length_squared() - along * along / lever.max(0.1)
+                    + gap.dot(p - own.centre);
+                if f2 <= 1e-9 {
+                    break;
+                }
+                u = (u - f1 / f2).clamp(mid - width, mid + width);
+            }
+            *sample = Sample { u, depth, c, n, k, softening: DVec3::ZERO };
+        }
+        let found = places(&samples, true, self.law.merge_depth_m, &self.law.normal);
+        out.add(0, found, state, x_wr, true);
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "one call site per direction")]
+    fn petal_ring(
+        &self,
+        petal: &Petal,
+        circle: &Circle,
+        tube: f64,
+        before: DVec3,
+        turn: impl Fn(Sample) -> Sample,
+        pair: usize,
+        state: &ContactState,
+        x_wr: Pose,
+        out: &mut Contacts,
+    ) {
+        let sum = petal.radius + tube;
+        let away = (circle.nearest(petal.centre) - petal.centre).length();
+        if away > petal.reach + sum {
+            return;
+        }
+        let signed = |p: DVec3, q: DVec3| {
+            let gap = q - p;
+            let dist = gap.length();
+            if gap.dot(before) < 0.0 { -dist } else { dist }
+        };
+        const N: usize = 2 * RING_INTERVALS + 1;
+        let mut d = [f64::NEG_INFINITY; N];
+        let mut deepest = f64::NEG_INFINITY;
+        // Nodes first: most petals are far from the ring, and rulings half an interval apart are
+        // at most this far from each other.
+        let step = (petal.fine[0].a - petal.fine[1].a).length();
+        for i in (0..N).step_by(2) {
+            let (_, p, q) = segment_circle(&petal.fine[i], circle);
+            d[i] = sum - signed(p, q);
+            deepest = deepest.max(d[i]);
+        }
+        if deepest < -step {
+            return;
+        }
+        for i in (1..N).step_by(2) {
+            let (_, p, q) = segment_circle(&petal.fine[i], circle);
+            d[i] = sum - signed(p, q);
+            deepest = deepest.max(d[i]);
+        }
+        let mut samples = [Sample::NONE; RING_INTERVALS];
+        let width = 1.0 / RING_INTERVALS as f64;
+        let kc = law::stiffness(&self.law.normal);
+        for (i, sample) in samples.iter_mut().enumerate() {
+            let (t, guess) = parabola_peak(d[2 * i], d[2 * i + 1], d[2 * i + 2]);
+            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+            let u = -1.0 + (2 * i + 1) as f64 * width + t * width;
+            if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 {
+                *sample = Sample { u, depth: guess, ..Sample::NONE };
+                continue;
+            }
+            let seg = petal.ruling(u);
+            let (s, p, q) = segment_circle(&seg, circle);
+            let dist = signed(p, q);
+            let gap = q - p;
+            let n = if gap.length() < 1e-4 && before != DVec3::ZERO {
+                before
+            } else {
+                gap / dist
+            };
+            let depth = sum - dist;
+            let (k, soft) = petal_stiffness(kc, &[(petal, s)]);
+            let tau = circle.axis.cross(q - circle.centre) / circle.radius;
+            let softening = if s > 0.0 && s < 1.0 {
+                sliding_direction(seg.d.normalize(), tau) * soft[0]
+            } else {
+                DVec3::ZERO
+            };
+            *sample =
+                turn(Sample { u, depth, c: p + n * (petal.radius - 0.5 * depth), n, k, softening });
+        }
+        let found = places(&samples, false, self.law.merge_depth_m, &self.law.normal);
+        out.add(pair, found, state, x_wr, true);
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "one call site")]
+    fn petal_petal(
+        &self,
+        a: &Petal,
+        b: &Petal,
+        b_coarse: &[Segment; COARSE],
+        x_rp: Pose,
+        (i, j): (usize, usize),
+        state: &ContactState,
+        x_wr: Pose,
+        out: &mut Contacts,
+    ) {
+        let pair = SurfacePair::PetalPetal(i, j).index();
+        let before = state.normals[pair];
+        let sum = a.radius + b.radius;
+        let depth_of = |near: &super::shape::Nearest| {
+            let gap = near.pb - near.pa;
+            let dist = gap.length();
+            sum - if gap.dot(before) < 0.0 { -dist } else { dist }
+        };
+        let mut table = [[0.0; COARSE]; COARSE];
+        let mut deepest = f64::NEG_INFINITY;
+        for (row, sa) in table.iter_mut().zip(&a.coarse) {
+            for (cell, sb) in row.iter_mut().zip(b_coarse) {
+                *cell = depth_of(&segment_segment(sa, sb));
+                deepest = deepest.max(*cell);
+            }
+        }
+        let step = |p: &Petal| 0.5 * (p.coarse[0].a - p.coarse[1].a).length();
+        if deepest < -step(a) - step(b) {
+            return;
+        }
+        let b_ruling = |v: f64| {
+            let s = b.ruling(v);
+            Segment { a: x_rp.transform_point(s.a), d: x_rp.q * s.d }
+        };
+        let kc = law::stiffness(&self.law.normal);
+        let spacing = 2.0 / (COARSE - 1) as f64;
+        let mut samples = [Sample::NONE; 2 * ALONG];
+        // Both halves of the active petal have a candidate of their own: an edge each.
+        for half in 0..2 {
+            let rows = if half == 0 { 0..=(COARSE - 1) / 2 } else { (COARSE - 1) / 2..=COARSE - 1 };
+            let (u_min, u_max) = if half == 0 { (-1.0, 0.0) } else { (0.0, 1.0) };
+            let (mut bi, mut bj) = (*rows.start(), 0);
+            for r in rows {
+                for c in 0..COARSE {
+                    if table[r][c] > table[bi][bj] {
+                        (bi, bj) = (r, c);
+                    }
+                }
+            }
+            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+            let (mut u, mut v) = (-1.0 + spacing * bi as f64, -1.0 + spacing * bj as f64);
+            let mut best = table[bi][bj];
+            if best < deepest - 0.02 && best < -0.02 {
+                continue;
+            }
+            let mut h = spacing;
+            let at = |u: f64, v: f64| depth_of(&segment_segment(&a.ruling(u), &b_ruling(v)));
+            for _ in 0..4 {
+                h *= 0.35;
+                let (u0, u1) = ((u - h).max(u_min), (u + h).min(u_max));
+                (u, best) = climb(u, best, u0, u1, |x| at(x, v));
+                let (v0, v1) = ((v - h).max(-1.0), (v + h).min(1.0));
+                (v, best) = climb(v, best, v0, v1, |x| at(u, x));
+            }
+            let (sa, sb) = (a.ruling(u), b_ruling(v));
+            for piece in 0..ALONG {
+                #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+                let (s0, len) = (piece as f64 / ALONG as f64, 1.0 / ALONG as f64);
+                let part = Segment { a: sa.at(s0), d: sa.d * len };
+                let near = segment_segment(&part, &sb);
+                let depth = depth_of(&near);
+                let gap = near.pb - near.pa;
+                let n = if gap.length() < 1e-4 && before != DVec3::ZERO {
+                    before
+                } else if gap.length() < 1e-12 {
+                    sa.d.cross(sb.d).normalize_or(DVec3::X)
+                } else {
+                    gap / (sum - depth)
+                };
+                let s_a = s0 + near.sa * len;
+                let (k, soft) = petal_stiffness(kc, &[(a, s_a), (b, near.sb)]);
+                let (da, db) = (sa.d.normalize(), sb.d.normalize());
+                let mut softening = DVec3::ZERO;
+                if s_a > 0.0 && s_a < 1.0 {
+                    softening += sliding_direction(da, db) * soft[0];
+                }
+                if near.sb > 0.0 && near.sb < 1.0 {
+                    softening -= sliding_direction(db, da) * soft[1];
+                }
+                samples[half * ALONG + piece] = Sample {
+                    u,
+                    depth,
+                    c: near.pa + n * (a.radius - 0.5 * depth),
+                    n,
+                    k,
+                    softening,
+                };
+            }
+        }
+        // One place per pair of petals, however long the line of contact.
+        let found = single(&samples, self.law.merge_depth_m, &self.law.normal);
+        out.add(pair, found, state, x_wr, false);
+    }
+}
+
+/// One parabolic step uphill between `lo` and `hi`.
+fn climb(x: f64, fx: f64, lo: f64, hi: f64, f: impl Fn(f64) -> f64) -> (f64, f64) {
+    let (fl, fh) = (f(lo), f(hi));
+    let mut best = (x, fx);
+    for c in [(lo, fl), (hi, fh)] {
+        if c.1 > best.1 {
+            best = c;
+        }
+    }
+    // Lagrange parabola through three points that need not be evenly spaced.
+    let (a, b) = (x - lo, hi - x);
+    if a > 1e-12 && b > 1e-12 {
+        let (dl, dh) = ((fx - fl) / a, (fh - fx) / b);
+        let curve = (dh - dl) / (a + b);
+        if curve < 0.0 {
+            let slope = dl + curve * a;
+            let t = (x - slope / (2.0 * curve)).clamp(lo, hi);
+            let ft = f(t);
+            if ft > best.1 {
+                best = (t, ft);
+            }
+        }
+    }
+    best
+}
+
+/// Series stiffness of the place with the petals bending as cantilevers, 1/k = 1/k_c + Σ s³/(3EI),
+/// and −∂ln k/∂s of each, 1/m. `s` is given as a fraction of the ruling.
+fn petal_stiffness<const N: usize>(kc: f64, petals: &[(&Petal, f64); N]) -> (f64, [f64; N]) {
+    let mut compliance = 1.0 / kc;
+    for (p, s) in petals {
+        compliance += (s * p.length).powi(3) * p.compliance;
+    }
+    let k = 1.0 / compliance;
+    let soft = core::array::from_fn(|i| {
+        let (p, s) = petals[i];
+        k * 3.0 * (s * p.length).powi(2) * p.compliance
+    });
+    (k, soft)
+}
+
+/// How the contact point moves along `a` when the other surface, whose own line of contact runs
+/// along `b`, is displaced: the vector dual to `a` in the plane of both.
+fn sliding_direction(a: DVec3, b: DVec3) -> DVec3 {
+    let c = a.dot(b);
+    (a - b * c) / (1.0 - c * c).max(0.1)
+}
+
+impl Contacts {
+    /// No contact.
+    pub(crate) const fn none(law: &ContactLaw, x_wr: Pose) -> Self {
+        const NOWHERE: Place = Place { pair: 0, slot: 0, merged: Merged::ZERO, y: DVec3::ZERO };
+        Self {
+            places: [NOWHERE; MAX_PLACES],
+            len: 0,
+            law: *law,
+            q_wr: x_wr.q,
+            deepest: 0.0,
+            touching: false,
+        }
+    }
+
+    fn add(
+        &mut self,
+        pair: usize,
+        (found, depth): super::merge::Places,
+        state: &ContactState,
+        x_wr: Pose,
+        several: bool,
+    ) {
+        if depth <= 0.0 {
+            return;
+        }
+        self.touching = true;
+        let both = found[0].is_some() && found[1].is_some();
+        for (order, merged) in found.into_iter().enumerate() {
+            let Some(mut m) = merged else { continue };
+            self.deepest = self.deepest.max(m.depth);
+            let slot = if order >= 2 || !several {
+                0
+            } else {
+                state.slot_for(pair, m.u, both.then_some(order), &found)
+            };
+            m.point = x_wr.transform_point(m.point);
+            m.dir = x_wr.q * m.dir;
+            m.couple = x_wr.q * m.couple;
+            m.slide_n = x_wr.q * m.slide_n;
+            let memory = state.bristles[pair][slot];
+            let y = if memory.active { x_wr.q * memory.y } else { DVec3::ZERO };
+            self.places[self.len] = Place { pair, slot, merged: m, y };
+            self.len += 1;
+        }
+    }
+
+    /// Whether any pair overlaps.
+    #[must_use]
+    pub const fn touching(&self) -> bool {
+        self.touching
+    }
+
+    /// Deepest overlap, m.
+    #[must_use]
+    pub const fn deepest_m(&self) -> f64 {
+        self.deepest
+    }
+
+    /// Stored elastic energy, J.
+    #[must_use]
+    pub fn stored_j(&self) -> f64 {
+        self.places[..self.len].iter().map(|p| p.merged.energy_j).sum()
+    }
+
+    /// Wrench on the passive side about `about_w` (m, world), world axes, and the power lost. The
+    /// active side gets the opposite at the same points. `active` and `passive` are the motions of
+    /// both bodies as velocity at `about_w` and angular velocity, world axes; `h` is the step over
+    /// which bristles move.
+    #[must_use]
+    pub fn wrench(
+        &self,
+        about_w: DVec3,
+        active: Twist,
+        passive: Twist,
+        h: f64,
+    ) -> (Wrench, ContactEnergy) {
+        let mut w = Wrench::ZERO;
+        let mut e = ContactEnergy::default();
+        for p in &self.places[..self.len] {
+            let one = self.evaluate(p, about_w, active, passive, h);
+            w += one.wrench;
+            e.damping_w += one.damping_w;
+            e.friction_w += one.friction_w;
+        }
+        (w, e)
+    }
+
+    fn evaluate(&self, p: &Place, about_w: DVec3, active: Twist, passive: Twist, h: f64) -> One {
+        let m = &p.merged;
+        let arm = m.point - about_w;
+        let w_rel = passive.w - active.w;
+        let v_rel = passive.v - active.v + w_rel.cross(arm);
+        let rate = -(m.dir.dot(v_rel) + m.couple.dot(w_rel));
+        let normal = law::normal_force(&self.law.normal, m.elastic_n, rate);
+        let size = m.dir.length();
+        let n = if size > 1e-9 { m.dir / size } else { DVec3::X };
+        // One bristle for sliding (tangential) and for turning about the normal (along n, at the
+        // lever of the spread): a touch spread around a ring resists roll.
+        let slip = v_rel - n * n.dot(v_rel) + n * (n.dot(w_rel) * m.spread_m);
+        let (rub, y_end) =
+            law::friction(&self.law, normal.total_n * size * m.rubbing, p.y, slip, h);
+        let twist = n.dot(rub);
+        let friction = rub - n * twist;
+        let f_n = m.dir * normal.total_n;
+        let mut wrench = Wrench::at(arm, f_n + friction + m.slide_n);
+        wrench.m += m.couple * normal.total_n + n * (twist * m.spread_m);
+        One {
+            wrench,
+            normal: f_n,
+            friction,
+            y_end,
+            damping_w: (normal.total_n - normal.elastic_n) * rate,
+            friction_w: -rub.dot(slip),
+        }
+    }
+
+    /// Lets the friction memory live on over `h`, with the velocities of [`Self::wrench`].
+    pub fn commit(
+        &self,
+        state: &mut ContactState,
+        about_w: DVec3,
+        active: Twist,
+        passive: Twist,
+        h: f64,
+    ) {
+        let back = self.q_wr.conjugate();
+        let mut next = ContactState::default();
+        for p in &self.places[..self.len] {
+            if p.merged.elastic_n < 0.0 {
+                continue;
+            }
+            let one = self.evaluate(p, about_w, active, passive, h);
+            next.bristles[p.pair][p.slot] =
+                Bristle { y: back * one.y_end, u: p.merged.u, active: true };
+            let dir = back * p.merged.dir;
+            if next.normals[p.pair] == DVec3::ZERO {
+                next.normals[p.pair] = dir.normalize_or_zero();
+            }
+        }
+        *state = next;
+    }
+
+    /// The places for the record; returns how many were written.
+    pub fn samples(
+        &self,
+        about_w: DVec3,
+        active: Twist,
+        passive: Twist,
+        h: f64,
+        out: &mut [ContactSample],
+    ) -> usize {
+        let mut n = 0;
+        for p in self.places[..self.len].iter().filter(|p| p.merged.elastic_n >= 0.0) {
+            let Some(slot) = out.get_mut(n) else { break };
+            let one = self.evaluate(p, about_w, active, passive, h);
+            *slot = ContactSample {
+                pair: p.pair,
+                point_w_m: p.merged.point,
+                normal_w_n: one.normal,
+                friction_w_n: one.friction,
+                depth_m: p.merged.depth,
+            };
+            n += 1;
+        }
+        n
+    }
+}
+
+struct One {
+    wrench: Wrench,
+    normal: DVec3,
+    friction: DVec3,
+    y_end: DVec3,
+    damping_w: f64,
+    friction_w: f64,
+}
+
+impl ContactState {
+    /// Slot whose remembered place is nearest; with two places at once each gets its own.
+    fn slot_for(
+        &self,
+        pair: usize,
+        u: f64,
+        order: Option<usize>,
+        found: &[Option<Merged>; 4],
+    ) -> usize {
+        let slots = &self.bristles[pair];
+        let far = |slot: usize, u: f64| {
+            if !slots[slot].active {
+                return f64::INFINITY;
+            }
+            let d = (slots[slot].u - u).abs();
+            // Around a ring positions repeat after 2π; rulings span only 2, so this never applies.
+            if d > core::f64::consts::PI { core::f64::consts::TAU - d } else { d }
+        };
+        match (order, found[0], found[1]) {
+            (Some(order), Some(a), Some(b)) => {
+                let straight = far(0, a.u).min(far(1, b.u));
+                let crossed = far(1, a.u).min(far(0, b.u));
+                usize::from(crossed < straight) ^ order
+            }
+            _ => usize::from(far(1, u) < far(0, u)),
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Distances between the cores of the guiding surfaces: circles (rings) and straight rulings
+//! (petals), all in one frame.
+//!
+//! The cores are exact, so there is no tessellation to refine: a ring is its centre circle swept by
+//! a ball, a petal is a family of straight rulings swept by a ball (see
+//! [`docktwin_model::PetalGeometry`]). Depth is the sum of the ball radii minus the distance of the
+//! cores, and stays right until the cores meet; beyond that the side of the last step is kept.
+
+use docktwin_core::DVec3;
+use parry3d_f64::query::details::closest_points_segment_segment_with_locations_nD;
+use parry3d_f64::shape::SegmentPointLocation;
+
+/// A circle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Circle {
+    pub(crate) centre: DVec3,
+    /// Unit normal of its plane.
+    pub(crate) axis: DVec3,
+    /// Unit vector in the plane: azimuth zero.
+    pub(crate) e0: DVec3,
+    /// `axis × e0`.
+    pub(crate) e1: DVec3,
+    pub(crate) radius: f64,
+}
+
+impl Circle {
+    /// Point at azimuth with the given cosine and sine.
+    pub(crate) fn at(&self, cos: f64, sin: f64) -> DVec3 {
+        self.centre + (self.e0 * cos + self.e1 * sin) * self.radius
+    }
+
+    /// Nearest point of the circle. On the axis, where every point is as near, azimuth zero.
+    pub(crate) fn nearest(&self, p: DVec3) -> DVec3 {
+        let r = p - self.centre;
+        let in_plane = r - self.axis * r.dot(self.axis);
+        let rho2 = in_plane.length_squared();
+        if rho2 < 1e-24 {
+            return self.centre + self.e0 * self.radius;
+        }
+        self.centre + in_plane * (self.radius / rho2.sqrt())
+    }
+}
+
+/// A straight piece from `a` to `a + d`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Segment {
+    pub(crate) a: DVec3,
+    pub(crate) d: DVec3,
+}
+
+impl Segment {
+    pub(crate) fn between(a: DVec3, b: DVec3) -> Self {
+        Self { a, d: b - a }
+    }
+
+    pub(crate) fn at(&self, s: f64) -> DVec3 {
+        self.a + self.d * s
+    }
+
+    /// Parameter of the nearest point.
+    pub(crate) fn project(&self, p: DVec3) -> f64 {
+        ((p - self.a).dot(self.d) / self.d.length_squared()).clamp(0.0, 1.0)
+    }
+}
+
+/// Nearest points of two cores.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nearest {
+    /// On the first core (active side).
+    pub(crate) pa: DVec3,
+    /// On the second core (passive side).
+    pub(crate) pb: DVec3,
+    /// Parameter on the first, 0 … 1, where it is a segment.
+    pub(crate) sa: f64,
+    /// Parameter on the second, 0 … 1, where it is a segment.
+    pub(crate) sb: f64,
+}
+
+/// Segment to circle. Alternating projections: the ruling runs across the circle, so they converge
+/// with the square of the cosine between the two tangents.
+pub(crate) fn segment_circle(seg: &Segment, circle: &Circle) -> (f64, DVec3, DVec3) {
+    let mut s = 0.5;
+    let mut p = seg.at(s);
+    let mut q = circle.nearest(p);
+    for _ in 0..8 {
+        let next = seg.project(q);
+        let moved = (next - s).abs();
+        s = next;
+        p = seg.at(s);
+        q = circle.nearest(p);
+        if moved < 1e-9 {
+            break;
+        }
+    }
+    (s, p, q)
+}
+
+/// Segment to segment, parry's closed form.
+pub(crate) fn segment_segment(a: &Segment, b: &Segment) -> Nearest {
+    let (la, lb) = closest_points_segment_segment_with_locations_nD(
+        (&a.a, &a.at(1.0)),
+        (&b.a, &b.at(1.0)),
+    );
+    let param = |l: SegmentPointLocation| match l {
+        SegmentPointLocation::OnVertex(i) => f64::from(i),
+        SegmentPointLocation::OnEdge(w) => w[1],
+    };
+    let (sa, sb) = (param(la), param(lb));
+    Nearest { pa: a.at(sa), pb: b.at(sb), sa, sb }
+}
+
+/// Abscissa, in [−1, 1], of the highest point of the parabola through (−1, l), (0, m), (1, r),
+/// clamped; and its value.
+pub(crate) fn parabola_peak(l: f64, m: f64, r: f64) -> (f64, f64) {
+    let slope = 0.5 * (r - l);
+    let curve = r - 2.0 * m + l;
+    let t = if curve < -1e-300 {
+        (-slope / curve).clamp(-1.0, 1.0)
+    } else if r > l {
+        1.0
+    } else {
+        -1.0
+    };
+    (t, m + t * (slope + 0.5 * curve * t))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit_circle() -> Circle {
+        Circle { centre: DVec3::ZERO, axis: DVec3::X, e0: DVec3::Y, e1: DVec3::Z, radius: 0.6 }
+    }
+
+    #[test]
+    fn oracle_point_on_ruling_nearest_to_a_coaxial_circle() {
+        // In the half-plane: line from (0, 0.597) at 45° inwards, circle point (0.05, 0.6).
+        let seg = Segment::between(DVec3::new(0.0, 0.597, 0.0), DVec3::new(0.187, 0.41, 0.0));
+        let mut c = unit_circle();
+        c.centre = DVec3::new(0.05, 0.0, 0.0);
+        let (_, p, q) = segment_circle(&seg, &c);
+        let want = (0.05 + 0.6 - 0.597) / 2.0f64.sqrt();
+        assert!(((q - p).length() - want).abs() < 1e-12);
+    }
+
+    #[test]
+    fn oracle_parabola() {
+        let f = |t: f64| 3.0 - 2.0 * (t - 0.3) * (t - 0.3);
+        let (t, v) = parabola_peak(f(-1.0), f(0.0), f(1.0));
+        assert!((t - 0.3).abs() < 1e-12 && (v - 3.0).abs() < 1e-12);
+        assert!((parabola_peak(0.0, 1.0, 2.0).0 - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,608 @@
+//! The whole mechanism between the two spacecraft: contact, attenuation, latches, joined rings.
+
+use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_model::{Attenuator, DockingMechanism, LatchSet, Spacecraft};
+
+use crate::{
+    attenuator::{self, AttenuatorForce, AttenuatorGeometry, AttenuatorState, Deflection},
+    body::{MIDPOINT_ITERATIONS, MassProperties},
+    contact::{ContactState, Contacts, Scene},
+};
+
+/// Index of a body in every `[_; 3]` here.
+pub const CHASER: usize = 0;
+/// The active ring with its petals.
+pub const RING: usize = 1;
+/// The target with the passive side.
+pub const TARGET: usize = 2;
+
+/// Both spacecraft and the mechanism between them: the immutable half of a twin.
+#[derive(Clone, Debug)]
+pub struct System {
+    mechanism: DockingMechanism,
+    scene: Scene,
+    mass: [MassProperties; 3],
+    rigid: bool,
+    /// Mass centre of each body to the frame that matters on it: `e3` on the chaser, `r3` on the
+    /// ring, `e4` on the target.
+    x_bf: [Pose; 3],
+    /// Ring's mass-centre frame in the chaser's, when the ring is rigid.
+    x_c_ring: Pose,
+    x_4r4: Pose,
+}
+
+/// World poses of the frames of the mechanism.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Poses {
+    /// `e3`.
+    pub x_w3: Pose,
+    /// `r3`, the active ring.
+    pub x_wr: Pose,
+    /// `e4`.
+    pub x_w4: Pose,
+    /// `r4`, the passive ring.
+    pub x_wp: Pose,
+}
+
+/// How far a latch has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum LatchPhase {
+    /// Nothing near.
+    #[default]
+    Free = 0,
+    /// The striker is near.
+    Approach = 1,
+    /// The striker touches the latch.
+    Struck = 2,
+    /// Caught.
+    Latched = 3,
+}
+
+/// One latch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LatchState {
+    /// How far it has come.
+    pub phase: LatchPhase,
+    /// Time of each phase, s: approach, strike, latched.
+    pub times_s: [Option<f64>; 3],
+}
+
+/// Rings joined at capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Joint {
+    since_s: f64,
+    /// Striker points at capture, in `r3`, m.
+    anchor: [DVec3; 3],
+    /// Force on the target at capture, in `r3`, N.
+    preload: [DVec3; 3],
+}
+
+/// Energy account, J, from the start of the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyLosses {
+    /// Damping of the contact law.
+    pub contact: f64,
+    /// Friction between the surfaces.
+    pub friction: f64,
+    /// Brakes, dampers, stops.
+    pub attenuator: f64,
+    /// Damping of the joined rings.
+    pub joint: f64,
+    /// Stored energy that vanishes as the rings are joined.
+    pub capture: f64,
+}
+
+impl EnergyLosses {
+    /// Sum, J.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.contact + self.friction + self.attenuator + self.joint + self.capture
+    }
+}
+
+/// Everything the mechanism remembers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MechanismState {
+    contact: ContactState,
+    attenuator: AttenuatorState,
+    /// The three latches.
+    pub latches: [LatchState; 3],
+    joint: Option<Joint>,
+    /// Energy lost so far.
+    pub losses: EnergyLosses,
+}
+
+impl MechanismState {
+    /// Time of capture, s.
+    #[must_use]
+    pub fn captured_s(&self) -> Option<f64> {
+        self.joint.map(|j| j.since_s)
+    }
+
+    /// Slip of the longitudinal brake, m.
+    #[must_use]
+    pub const fn brake_slip_m(&self) -> f64 {
+        self.attenuator.axial_slip_m()
+    }
+
+    /// Adds all bits to a digest.
+    pub fn hash(&self, h: &mut StateHasher) {
+        self.contact.hash(h);
+        self.attenuator.hash(h);
+        for l in &self.latches {
+            h.u64(l.phase as u64);
+            l.times_s.iter().for_each(|t| h.f64(t.unwrap_or(-1.0)));
+        }
+        match &self.joint {
+            None => h.u64(0),
+            Some(j) => {
+                h.u64(1);
+                h.f64(j.since_s);
+                j.anchor.iter().chain(&j.preload).for_each(|v| h.vec3(*v));
+            }
+        }
+        let e = &self.losses;
+        [e.contact, e.friction, e.attenuator, e.joint, e.capture].iter().for_each(|x| h.f64(*x));
+    }
+}
+
+/// Position of a striker against its latch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LatchGap {
+    /// Along X of `r3`, m; zero when the ring faces meet.
+    pub axial_m: f64,
+    /// Radially, m.
+    pub radial_m: f64,
+    /// Tangentially, m.
+    pub tangential_m: f64,
+    /// Striker in `r3`, m.
+    striker_r: DVec3,
+}
+
+/// Everything that depends on positions only.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    poses: Poses,
+    contacts: Contacts,
+    attenuator: AttenuatorGeometry,
+    /// The latches' gaps.
+    pub latches: [LatchGap; 3],
+}
+
+impl Measured {
+    /// Places of contact.
+    #[must_use]
+    pub const fn contacts(&self) -> &Contacts {
+        &self.contacts
+    }
+
+    /// Deflection of the ring.
+    #[must_use]
+    pub const fn deflection(&self) -> Deflection {
+        self.attenuator.deflection()
+    }
+
+    /// Frames.
+    #[must_use]
+    pub const fn poses(&self) -> &Poses {
+        &self.poses
+    }
+}
+
+/// Wrenches inside the mechanism for given velocities, about the ring centre, world axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Forces {
+    /// What the active ring does to the target: contact, latches, joint.
+    pub on_target: Wrench,
+    /// What the attenuator does to the ring; the chaser gets the opposite.
+    pub on_ring_from_attenuator: Wrench,
+    /// Sum of the contact forces alone, on the target, N.
+    pub contact_on_target: DVec3,
+    contact_w: f64,
+    friction_w: f64,
+    joint_w: f64,
+    attenuator: AttenuatorForce,
+}
+
+/// Result of the midpoint solution of one kick.
+#[derive(Clone, Copy, Debug)]
+pub struct Kick {
+    /// Wrench on each body about its own mass centre, world axes, external ones included.
+    pub wrench: [Wrench; 3],
+    /// Midpoint twists (velocity of the mass centre, angular velocity; world axes).
+    pub mid: [Twist; 3],
+    /// Forces inside the mechanism.
+    pub forces: Forces,
+}
+
+impl System {
+    /// Puts checked models together.
+    #[must_use]
+    pub fn new(chaser: &Spacecraft, target: &Spacecraft, mechanism: DockingMechanism) -> Self {
+        let ring = MassProperties::new(mechanism.ring_body.mass_kg, mechanism.ring_body.inertia_kg_m2);
+        let mut c = MassProperties::new(chaser.mass_kg, chaser.inertia_kg_m2);
+        let t = MassProperties::new(target.mass_kg, target.inertia_kg_m2);
+        let ring_com = mechanism.ring_body.com_m;
+        let mut x_13 = chaser.x_body_port;
+        let rest = Pose::from_translation(DVec3::X * mechanism.ring_rest_offset_m);
+        let mut x_c_ring = x_13 * rest * Pose::from_translation(ring_com);
+        let rigid = mechanism.attenuator == Attenuator::Rigid;
+        if rigid {
+            // One body of chaser and ring, its frame moved to the joint mass centre.
+            let (joined, com) = c.joined(&ring, x_c_ring);
+            c = joined;
+            x_13.p -= com;
+            x_c_ring.p -= com;
+        }
+        let turn = docktwin_core::DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0);
+        Self {
+            scene: Scene::new(&mechanism),
+            mass: [c, ring, t],
+            rigid,
+            x_bf: [x_13, Pose::from_translation(-ring_com), target.x_body_port],
+            x_c_ring,
+            x_4r4: Pose::new(DVec3::X * -mechanism.passive_ring_offset_m, turn),
+            mechanism,
+        }
+    }
+
+    /// The mechanism's model.
+    #[must_use]
+    pub const fn mechanism(&self) -> &DockingMechanism {
+        &self.mechanism
+    }
+
+    /// The contact surfaces.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Mass properties. With a rigid ring the chaser's include it and the ring's are not used.
+    #[must_use]
+    pub const fn mass(&self) -> &[MassProperties; 3] {
+        &self.mass
+    }
+
+    /// Whether the ring is part of the chaser.
+    #[must_use]
+    pub const fn rigid(&self) -> bool {
+        self.rigid
+    }
+
+    /// Pose of the ring's mass-centre frame for a rigid ring.
+    #[must_use]
+    pub fn rigid_ring_pose(&self, x_wc: Pose) -> Pose {
+        x_wc * self.x_c_ring
+    }
+
+    /// Pose of the ring's mass-centre frame in the chaser's at rest.
+    #[must_use]
+    pub const fn ring_at_rest(&self) -> Pose {
+        self.x_c_ring
+    }
+
+    /// Pose of `e3` in the chaser's and of `e4` in the target's mass-centre frame.
+    #[must_use]
+    pub const fn ports(&self) -> [Pose; 2] {
+        [self.x_bf[CHASER], self.x_bf[TARGET]]
+    }
+
+    /// Pose of the passive ring frame `r4` in `e4`.
+    #[must_use]
+    pub const fn passive_ring(&self) -> Pose {
+        self.x_4r4
+    }
+
+    /// Frames of the mechanism from the poses of the mass-centre frames.
+    #[must_use]
+    pub fn poses(&self, bodies: &[Pose; 3]) -> Poses {
+        let x_w4 = bodies[TARGET] * self.x_bf[TARGET];
+        Poses {
+            x_w3: bodies[CHASER] * self.x_bf[CHASER],
+            x_wr: bodies[RING] * self.x_bf[RING],
+            x_w4,
+            x_wp: x_w4 * self.x_4r4,
+        }
+    }
+
+    /// Measures contacts, deflection and latch gaps.
+    #[must_use]
+    pub fn measure(&self, state: &MechanismState, bodies: &[Pose; 3]) -> Measured {
+        let poses = self.poses(bodies);
+        let x_rp = poses.x_wr.inverse() * poses.x_wp;
+        let contacts = if state.joint.is_some() {
+            // The joint carries the rings now.
+            Contacts::none(self.scene.law(), poses.x_wr)
+        } else {
+            self.scene.measure(&state.contact, poses.x_wr, poses.x_wp)
+        };
+        let latches = self
+            .mechanism
+            .latches
+            .as_ref()
+            .map(|l| self.latch_gaps(l, x_rp))
+            .unwrap_or_default();
+        Measured {
+            contacts,
+            attenuator: AttenuatorGeometry::new(
+                poses.x_w3.inverse() * poses.x_wr,
+                self.mechanism.ring_rest_offset_m,
+            ),
+            latches,
+            poses,
+        }
+    }
+
+    fn latch_gaps(&self, l: &LatchSet, x_rp: Pose) -> [LatchGap; 3] {
+        let (a, p) = (&self.mechanism.active.ring, &self.mechanism.passive.ring);
+        l.azimuths_rad.map(|az| {
+            let (s, c) = az.sin_cos();
+            let (radial, tangential) = (DVec3::new(0.0, c, s), DVec3::new(0.0, -s, c));
+            let latch = DVec3::X * a.section_radius_m + radial * a.mean_radius_m;
+            // The same point in r4 when docked: r4 is r3 turned by 180° about Z.
+            let striker_p = DVec3::new(p.section_radius_m, -latch.y, latch.z);
+            let striker_r = x_rp.transform_point(striker_p);
+            let g = striker_r - latch;
+            LatchGap {
+                axial_m: g.x,
+                radial_m: g.dot(radial),
+                tangential_m: g.dot(tangential),
+                striker_r,
+            }
+        })
+    }
+
+    /// Forces for given twists of the three bodies (mass-centre velocity, angular velocity), whose
+    /// mass centres are at `com`.
+    #[must_use]
+    pub fn forces(
+        &self,
+        m: &Measured,
+        state: &MechanismState,
+        com: &[DVec3; 3],
+        twist: &[Twist; 3],
+        time_s: f64,
+        h: f64,
+    ) -> Forces {
+        let about = m.poses.x_wr.p;
+        let at = |i: usize| Twist {
+            v: twist[i].v + twist[i].w.cross(about - com[i]),
+            w: twist[i].w,
+        };
+        let (c, r, t) = (at(CHASER), at(RING), at(TARGET));
+        let mut out = Forces::default();
+        match &state.joint {
+            Some(j) => self.joint(j, m, r, t, &mut out),
+            None => {
+                let (w, e) = m.contacts.wrench(about, r, t, h);
+                out.on_target = w;
+                out.contact_on_target = w.f;
+                out.contact_w = e.damping_w;
+                out.friction_w = e.friction_w;
+                if let Some(l) = &self.mechanism.latches {
+                    let axis = m.poses.x_wr.q * DVec3::X;
+                    for (gap, latch) in m.latches.iter().zip(&state.latches) {
+                        if latch.phase == LatchPhase::Latched {
+                            let over = (gap.axial_m - l.catch_gap_m).max(0.0);
+                            let arm = m.poses.x_wr.q * gap.striker_r;
+                            out.on_target.push(arm, axis * (-l.hold_stiffness_n_m * over));
+                        }
+                    }
+                }
+            }
+        }
+        if !self.rigid {
+            let q = m.poses.x_w3.q;
+            let back = q.conjugate();
+            let rel = Twist { v: back * (r.v - c.v), w: back * (r.w - c.w) };
+            let phase = self.damping_phase(state, time_s);
+            out.attenuator = attenuator::force(
+                &self.mechanism.attenuator,
+                &m.attenuator,
+                &state.attenuator,
+                rel,
+                phase,
+                h,
+            );
+            out.on_ring_from_attenuator = out.attenuator.on_ring.rotated(q);
+        }
+        out
+    }
+
+    fn damping_phase(&self, state: &MechanismState, time_s: f64) -> f64 {
+        let ramp = match &self.mechanism.attenuator {
+            Attenuator::Rigid => return 0.0,
+            Attenuator::Characteristic(a) => a.damping_ramp_s,
+            Attenuator::Differential(a) => a.damping_ramp_s,
+        };
+        state.joint.map_or(0.0, |j| ((time_s - j.since_s) / ramp.max(1e-9)).clamp(0.0, 1.0))
+    }
+
+    fn joint(&self, j: &Joint, m: &Measured, r: Twist, t: Twist, out: &mut Forces) {
+        let Some(l) = &self.mechanism.latches else { return };
+        let k = l.joined_stiffness_n_m / 3.0;
+        let q = m.poses.x_wr.q;
+        for i in 0..3 {
+            let arm = q * m.latches[i].striker_r;
+            // Velocity of the striker against the ring's material at the same point.
+            let rate = t.v + t.w.cross(arm) - r.v - r.w.cross(arm);
+            let stretch = m.latches[i].striker_r - j.anchor[i];
+            let f = q * (j.preload[i] - stretch * k) - rate * l.joined_damping_n_s_m;
+            out.on_target.push(arm, f);
+            out.joint_w += l.joined_damping_n_s_m * rate.length_squared();
+        }
+    }
+
+    /// Stored energy at the measured positions, J.
+    #[must_use]
+    pub fn stored_energy(&self, m: &Measured, state: &MechanismState) -> f64 {
+        self.interface_energy(m, state)
+            + attenuator::stored_energy(&self.mechanism.attenuator, &m.attenuator, &state.attenuator)
+    }
+
+    fn interface_energy(&self, m: &Measured, state: &MechanismState) -> f64 {
+        let Some(l) = &self.mechanism.latches else { return m.contacts.stored_j() };
+        if let Some(j) = &state.joint {
+            let k = l.joined_stiffness_n_m / 3.0;
+            return (0..3)
+                .map(|i| {
+                    let e = m.latches[i].striker_r - j.anchor[i] - j.preload[i] / k;
+                    0.5 * k * e.length_squared()
+                })
+                .sum();
+        }
+        let latches: f64 = m
+            .latches
+            .iter()
+            .zip(&state.latches)
+            .filter(|(_, s)| s.phase == LatchPhase::Latched)
+            .map(|(g, _)| {
+                let over = (g.axial_m - l.catch_gap_m).max(0.0);
+                0.5 * l.hold_stiffness_n_m * over * over
+            })
+            .sum();
+        m.contacts.stored_j() + latches
+    }
+
+    /// Solves the implicit midpoint of one kick of length `h` at frozen positions. `start` are the
+    /// twists before it, `external` wrenches about each mass centre; `response(i, w)` is the twist
+    /// that wrench `w` gives body `i` over `h`. With a rigid ring its twist follows the chaser's and
+    /// its wrench is added there.
+    #[expect(clippy::too_many_arguments, reason = "one call per engine")]
+    pub fn solve_kick(
+        &self,
+        m: &Measured,
+        state: &MechanismState,
+        com: &[DVec3; 3],
+        start: &[Twist; 3],
+        external: &[Wrench; 3],
+        time_s: f64,
+        h: f64,
+        response: impl Fn(usize, Wrench) -> Twist,
+    ) -> Kick {
+        let mut mid = *start;
+        let mut wrench = [Wrench::ZERO; 3];
+        let mut forces = Forces::default();
+        for _ in 0..MIDPOINT_ITERATIONS {
+            if self.rigid {
+                mid[RING] = Twist {
+                    v: mid[CHASER].v + mid[CHASER].w.cross(com[RING] - com[CHASER]),
+                    w: mid[CHASER].w,
+                };
+            }
+            forces = self.forces(m, state, com, &mid, time_s, h);
+            let about = m.poses.x_wr.p;
+            let to = |i: usize, w: Wrench| w.shifted(com[i] - about);
+            let ring = forces.on_ring_from_attenuator + -forces.on_target;
+            wrench = *external;
+            wrench[TARGET] += to(TARGET, forces.on_target);
+            if self.rigid {
+                wrench[CHASER] += to(CHASER, ring);
+            } else {
+                wrench[RING] += to(RING, ring);
+                wrench[CHASER] += to(CHASER, -forces.on_ring_from_attenuator);
+            }
+            for (i, mid) in mid.iter_mut().enumerate() {
+                if self.rigid && i == RING {
+                    continue;
+                }
+                let d = response(i, wrench[i]);
+                *mid = Twist { v: start[i].v + d.v * 0.5, w: start[i].w + d.w * 0.5 };
+            }
+        }
+        Kick { wrench, mid, forces }
+    }
+
+    /// Carries the memory over the kick: bristles, brakes, latches, capture, losses.
+    pub fn commit(
+        &self,
+        state: &mut MechanismState,
+        m: &Measured,
+        com: &[DVec3; 3],
+        kick: &Kick,
+        time_s: f64,
+        h: f64,
+    ) {
+        let f = &kick.forces;
+        state.losses.contact += f.contact_w * h;
+        state.losses.friction += f.friction_w * h;
+        state.losses.joint += f.joint_w * h;
+        state.losses.attenuator += f.attenuator.lost_w * h;
+        state.attenuator = f.attenuator.next;
+        if state.joint.is_some() {
+            return;
+        }
+        let about = m.poses.x_wr.p;
+        let at = |i: usize| Twist {
+            v: kick.mid[i].v + kick.mid[i].w.cross(about - com[i]),
+            w: kick.mid[i].w,
+        };
+        m.contacts.commit(&mut state.contact, about, at(RING), at(TARGET), h);
+        let Some(l) = &self.mechanism.latches else { return };
+        for (gap, latch) in m.latches.iter().zip(&mut state.latches) {
+            advance_latch(l, gap, latch, time_s);
+        }
+        if state.latches.iter().all(|l| l.phase == LatchPhase::Latched) {
+            let before = self.interface_energy(m, state);
+            state.joint = Some(join(m, f.on_target, time_s));
+            state.losses.capture += before - self.interface_energy(m, state);
+            state.contact = ContactState::default();
+        }
+    }
+}
+
+fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f64) {
+    let near = |axial: f64, widen: f64| {
+        gap.axial_m <= axial
+            && gap.radial_m.abs() <= l.radial_zone_m * widen
+            && gap.tangential_m.abs() <= l.tangential_zone_m * widen
+    };
+    let reached = if near(l.catch_gap_m, 1.0) {
+        LatchPhase::Latched
+    } else if near(l.strike_gap_m, 1.0) {
+        LatchPhase::Struck
+    } else if near(l.approach_gap_m, 4.0) {
+        LatchPhase::Approach
+    } else {
+        LatchPhase::Free
+    };
+    for (i, phase) in
+        [LatchPhase::Approach, LatchPhase::Struck, LatchPhase::Latched].into_iter().enumerate()
+    {
+        if reached >= phase && latch.times_s[i].is_none() {
+            latch.times_s[i] = Some(time_s);
+        }
+    }
+    // A caught latch holds; the others follow the striker.
+    if latch.phase != LatchPhase::Latched {
+        latch.phase = reached;
+    }
+}
+
+/// Three point springs that start at the wrench of the instant: the smallest forces at the strikers
+/// that add up to it.
+fn join(m: &Measured, on_target: Wrench, time_s: f64) -> Joint {
+    let back = m.poses.x_wr.q.conjugate();
+    let w = on_target.rotated(back);
+    let anchor = m.latches.map(|g| g.striker_r);
+    let centre = (anchor[0] + anchor[1] + anchor[2]) / 3.0;
+    let about_centre = w.shifted(centre);
+    let arms = anchor.map(|a| a - centre);
+    // fᵢ = F/3 + λ × rᵢ, with Σ rᵢ × (λ × rᵢ) = M.
+    let mut a = DMat3::ZERO;
+    for r in arms {
+        let s = docktwin_core::skew(r);
+        a -= s * s;
+    }
+    let lambda = a.inverse() * about_centre.m;
+    Joint { since_s: time_s, anchor, preload: arms.map(|r| w.f / 3.0 + lambda.cross(r)) }
+}
+
+impl System {
+    /// `e4` in a frame at the passive ring's centre with the axes of `e4`.
+    pub(crate) fn passive_ring_inverse(&self) -> Pose {
+        Pose::from_translation(-self.x_4r4.p)
+    }
+}

@@ -1,0 +1,122 @@
+//! `run.mcap`: what is written, in which order, without threads.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use crate::column::{CONTACTS_TOPIC, Cell, Column, ContactRow, EVENTS_TOPIC, TICK_TOPIC};
+use crate::container::Container;
+use crate::layout::{self, Topic};
+use crate::{Event, RECORD_SCHEMA};
+use docktwin_core::{SimTime, Tick};
+
+pub(crate) const METADATA: &str = "docktwin";
+pub(crate) const METADATA_COLUMNS: &str = "docktwin.columns";
+pub(crate) const METADATA_PAIRS: &str = "docktwin.pairs";
+pub(crate) const SCHEMA_KEY: &str = "docktwin_record_schema";
+
+/// Writes ticks into chunks, which hold whole ticks only.
+pub(crate) struct McapLog<W> {
+    container: Container<W>,
+    topics: Vec<(u16, Topic)>,
+    tick_channel: u16,
+    contacts_channel: u16,
+    events_channel: u16,
+    buf: Vec<u8>,
+    /// Ticks in the open chunk.
+    open_ticks: usize,
+    contacts_shown: bool,
+}
+
+impl<W: Write> McapLog<W> {
+    pub(crate) fn create(
+        out: W,
+        columns: &[Column],
+        pair_names: &[String],
+        metadata: &BTreeMap<String, String>,
+    ) -> io::Result<Self> {
+        let mut c = Container::new(out)?;
+        let mut run = metadata.clone();
+        run.insert(SCHEMA_KEY.into(), RECORD_SCHEMA.to_string());
+        let numbered = |items: &mut dyn Iterator<Item = String>| {
+            items.enumerate().map(|(i, s)| (format!("{i:05}"), s)).collect()
+        };
+        let as_text = |c: &Column| format!("{} {} {}", c.kind.name(), c.topic, c.name);
+        c.metadata(METADATA, &run);
+        c.metadata(METADATA_COLUMNS, &numbered(&mut columns.iter().map(as_text)));
+        c.metadata(METADATA_PAIRS, &numbered(&mut pair_names.iter().cloned()));
+
+        let mut own = |topic, (name, schema)| c.channel(topic, name, schema);
+        let tick_channel = own(TICK_TOPIC, layout::TICK_SCHEMA);
+        let contacts_channel = own(CONTACTS_TOPIC, layout::CONTACTS_SCHEMA);
+        let events_channel = own(EVENTS_TOPIC, layout::EVENT_SCHEMA);
+        let topics = layout::topics(columns)
+            .into_iter()
+            .map(|t| (c.channel(&t.topic, &t.schema_name, &t.schema), t))
+            .collect();
+        // The head can be read at once. The channels wait in the first chunk: tools stumble over
+        // chunks without messages.
+        c.write_out()?;
+        Ok(Self {
+            container: c,
+            topics,
+            tick_channel,
+            contacts_channel,
+            events_channel,
+            buf: Vec::new(),
+            open_ticks: 0,
+            contacts_shown: false,
+        })
+    }
+
+    /// Adds a tick to the open chunk. `row` has a cell per column.
+    pub(crate) fn tick(
+        &mut self,
+        tick: Tick,
+        time: SimTime,
+        row: &[Cell],
+        contacts: &[ContactRow],
+    ) {
+        let (c, buf, nanos) = (&mut self.container, &mut self.buf, time.nanos());
+        layout::encode_tick(tick.0, time.seconds(), buf);
+        c.message(self.tick_channel, sequence(tick.0), nanos, buf);
+        for (channel, topic) in &self.topics {
+            topic.encode(row, buf);
+            c.message(*channel, sequence(tick.0), nanos, buf);
+        }
+        // An empty list is written once, so that a viewer takes the last contacts away.
+        if !contacts.is_empty() || self.contacts_shown {
+            self.contacts_shown = !contacts.is_empty();
+            layout::encode_contacts(tick.0, contacts, buf);
+            c.message(self.contacts_channel, sequence(tick.0), nanos, buf);
+        }
+        self.open_ticks += 1;
+    }
+
+    /// Adds an event to the open chunk.
+    pub(crate) fn event(&mut self, e: &Event) {
+        layout::encode_event(e, &mut self.buf);
+        // Saturates: a negative or non-finite time becomes 0.
+        let nanos = (e.time_s * 1e9).round() as u64;
+        self.container.message(self.events_channel, sequence(e.tick), nanos, &self.buf);
+    }
+
+    pub(crate) const fn open_ticks(&self) -> usize {
+        self.open_ticks
+    }
+
+    /// Ends the open chunk and hands it to the operating system.
+    pub(crate) fn flush(&mut self) -> io::Result<()> {
+        self.open_ticks = 0;
+        self.container.flush()
+    }
+
+    /// Writes the index and the end mark.
+    pub(crate) fn finish(self) -> io::Result<()> {
+        self.container.finish()
+    }
+}
+
+/// The tick's low half; it wraps after 49 days of 1 ms ticks.
+fn sequence(tick: u64) -> u32 {
+    (tick & u64::from(u32::MAX)) as u32
+}

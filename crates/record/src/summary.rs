@@ -1,0 +1,268 @@
+use core::fmt;
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// Version of `summary.json`; a reader refuses a newer one.
+pub const SUMMARY_SCHEMA: u32 = 1;
+
+/// How a docking ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// All latches hold.
+    Captured,
+    /// Contact, then parted.
+    Rebounded,
+    /// Passed by without contact.
+    Missed,
+    /// In contact and stuck without capture.
+    Jammed,
+    /// A limit of the scenario was exceeded.
+    LimitExceeded,
+    /// Ended by a stop.
+    Stopped,
+}
+
+/// Whether a run ended as its scenario expects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// As expected.
+    Pass,
+    /// Otherwise.
+    Fail,
+    /// As expected, but not under the conditions asked for.
+    Degraded,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Captured => "captured",
+            Self::Rebounded => "rebounded",
+            Self::Missed => "missed",
+            Self::Jammed => "jammed",
+            Self::LimitExceeded => "limit_exceeded",
+            Self::Stopped => "stopped",
+        })
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Degraded => "degraded",
+        })
+    }
+}
+
+/// JSON has no NaN and no infinity: they are written as null and come back as NaN.
+fn null_is_nan<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(d)?.unwrap_or(f64::NAN))
+}
+
+/// Computing time of a step, µs of wall time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepUs {
+    /// Median.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p50: f64,
+    /// 99th percentile.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p99: f64,
+    /// 99.9th percentile.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p999: f64,
+    /// Longest.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub max: f64,
+    /// Steps counted.
+    pub n: u64,
+}
+
+/// How late the loop woke, µs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LatenessUs {
+    /// Median.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p50: f64,
+    /// 99th percentile.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p99: f64,
+    /// 99.9th percentile.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p999: f64,
+    /// Latest.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub max: f64,
+}
+
+/// Duration of one phase of the loop, µs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhaseUs {
+    /// Median.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p50: f64,
+    /// 99th percentile.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub p99: f64,
+    /// Longest.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub max: f64,
+}
+
+/// How the loop kept its time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LoopSummary {
+    /// Period, µs.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub period_us: f64,
+    /// Ticks that began late.
+    pub late: u64,
+    /// Ticks that were left out.
+    pub missed: u64,
+    /// Lateness of waking.
+    pub lateness_us: LatenessUs,
+    /// Durations by phase.
+    pub phases: BTreeMap<String, PhaseUs>,
+}
+
+/// The HIL run against the simulated system; null where not defined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(non_snake_case, reason = "the names of the paper, as summary.json has them")]
+pub struct Fidelity {
+    /// Ratio of the exit to the entry velocity, over that of the simulated system.
+    pub R_e: Option<f64>,
+    /// Ratio of contact durations.
+    pub R_T: Option<f64>,
+    /// Peak force over that of the simulated system.
+    pub peak_force_ratio: Option<f64>,
+    /// Normalised RMS difference of the force.
+    pub nrms_force: Option<f64>,
+    /// Normalised RMS difference of the pose.
+    pub nrms_pose: Option<f64>,
+    /// Energy gained by the loop, relative.
+    pub delta_energy: Option<f64>,
+}
+
+/// What the safety supervisor saw.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SafetySummary {
+    /// Its state at the end.
+    pub state: String,
+    /// Trips in order.
+    pub trips: Vec<String>,
+    /// Smallest margin to each limit, by the limit's name.
+    pub min_margin: BTreeMap<String, f64>,
+}
+
+/// What was recorded; filled in by [`crate::RunWriter::finish`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordingSummary {
+    /// What happened when the recorder was slower than the run: `wait` or `drop_newest`.
+    pub policy: String,
+    /// Ticks recorded.
+    pub ticks: u64,
+    /// Ticks lost because the ring was full.
+    pub dropped_ticks: u64,
+    /// Events lost because the ring was full.
+    pub dropped_events: u64,
+    /// Size of `run.mcap`, bytes.
+    pub log_bytes: u64,
+    /// Size of `telemetry.parquet`, bytes.
+    pub table_bytes: u64,
+}
+
+/// `summary.json`, in its order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// [`SUMMARY_SCHEMA`].
+    pub schema_version: u32,
+    /// Version of docktwin.
+    pub tool_version: String,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Digest of the last state, hexadecimal.
+    pub state_digest: String,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Whether that was expected.
+    pub verdict: Verdict,
+    /// One line, or null.
+    pub failure_reason: Option<String>,
+    /// First contact, s.
+    pub first_contact_s: Option<f64>,
+    /// Capture, s.
+    pub capture_s: Option<f64>,
+    /// Each latch, s.
+    pub latches_s: Vec<Option<f64>>,
+    /// Largest contact force, N.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub peak_force_n: f64,
+    /// Largest contact moment, N·m.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub peak_moment_nm: f64,
+    /// Impulse of the contact force, N·s.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub impulse_ns: f64,
+    /// Deepest penetration, m.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub peak_penetration_m: f64,
+    /// Energy brought in, J.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub energy_in_j: f64,
+    /// Energy dissipated, J.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub energy_dissipated_j: f64,
+    /// Error of the energy balance, relative.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub energy_balance_error: f64,
+    /// Error of the momentum balance, relative.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub momentum_error: f64,
+    /// Simulated time, s.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub duration_s: f64,
+    /// Ticks run.
+    pub ticks: u64,
+    /// Wall time, s.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub wall_s: f64,
+    /// Simulated over wall time.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub realtime_factor: f64,
+    /// Computing time of a step.
+    pub step_us: StepUs,
+    /// HIL only.
+    #[serde(rename = "loop", default, skip_serializing_if = "Option::is_none")]
+    pub loop_: Option<LoopSummary>,
+    /// HIL only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fidelity: Option<Fidelity>,
+    /// HIL only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<SafetySummary>,
+    /// Give `None`: [`crate::RunWriter::finish`] fills it in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingSummary>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn invariant_infinite_numbers_come_back_as_nan() {
+        let s = StepUs { p50: f64::INFINITY, p99: 0.1, p999: f64::NAN, max: 3.0, n: 2 };
+        let text = serde_json::to_string(&s).unwrap();
+        assert_eq!(text, r#"{"p50":null,"p99":0.1,"p999":null,"max":3.0,"n":2}"#);
+        let back: StepUs = serde_json::from_str(&text).unwrap();
+        assert!(back.p50.is_nan() && back.p999.is_nan());
+        assert_eq!(back.p99.to_bits(), 0.1f64.to_bits());
+    }
+}

@@ -1,0 +1,310 @@
+//! Every key of a scenario file once: its range, its default, its meaning. Checking and `explain`
+//! both read this table.
+
+use core::fmt::Write as _;
+
+use docktwin_model::contact_ranges as contact;
+use docktwin_model::toml_check::{Range, nearest, unit_of};
+
+/// What may stand behind a key.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Shape {
+    /// A number that must be there.
+    Number(Range),
+    /// A number with a default.
+    Default(Range, f64),
+    /// A number that may be absent.
+    Maybe(Range),
+    /// A whole number that may be absent.
+    Count(u32, u32),
+    /// A text that must be there.
+    Text,
+    /// A file that must be there.
+    Path,
+    /// One of a few words; whether it must be there.
+    Words(&'static [&'static str], bool),
+    /// True or false, with its default.
+    Flag(bool),
+}
+
+/// One key.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Key {
+    /// Dotted path; the index of an array of tables is left out.
+    pub(crate) key: &'static str,
+    pub(crate) shape: Shape,
+    pub(crate) meaning: &'static str,
+}
+
+const fn key(key: &'static str, shape: Shape, meaning: &'static str) -> Key {
+    Key { key, shape, meaning }
+}
+
+pub(crate) const OUTCOMES: &[&str] =
+    &["captured", "rebounded", "missed", "jammed", "limit_exceeded", "stopped"];
+const ANY: Range = Range::within(-1e6, 1e6);
+const LOAD: Range = Range::positive(1e9);
+const TIME: Range = Range::within(0.0, 1e6);
+const TOLERANCE: Range = Range::within(1e-9, 1.0);
+
+pub(crate) const KEYS: &[Key] = &[
+    key("schema", Shape::Count(1, 1), "Version of this file format; 1, and it must be there."),
+    key("name", Shape::Text, "Name of the scenario; run directories are called after it."),
+    key("description", Shape::Text, "What happens, in a sentence or two."),
+    key(
+        "chaser.model",
+        Shape::Path,
+        "URDF of the chaser, with a TOML of the same name beside it. Looked for from the folder of \
+         the scenario upward.",
+    ),
+    key("target.model", Shape::Path, "URDF of the target; its port faces −X of its body."),
+    key("mechanism.active", Shape::Path, "URDF of the active side, on the chaser."),
+    key("mechanism.passive", Shape::Path, "URDF of the passive side, on the target."),
+    key(
+        "mechanism.attenuation",
+        Shape::Words(&["characteristic", "differential", "rigid"], false),
+        "What carries the active ring; without it the default of the active side's file. `rigid` \
+         makes the ring a part of the chaser.",
+    ),
+    key(
+        "mechanism.petals",
+        Shape::Flag(true),
+        "false takes the petals off both sides and leaves bare rings.",
+    ),
+    key(
+        "mechanism.contact.normal_law",
+        Shape::Words(&["hunt_crossley", "kelvin_voigt"], false),
+        "Overrides the normal law of the mechanism: F = k δⁿ (1 + a δ') or F = k δ + c δ', both \
+         never below 0.",
+    ),
+    key(
+        "mechanism.contact.stiffness_n_m",
+        Shape::Maybe(contact::STIFFNESS),
+        "Overrides k, N/m (N/mⁿ with an exponent n); larger is harder and needs smaller steps.",
+    ),
+    key("mechanism.contact.exponent", Shape::Maybe(contact::EXPONENT), "Overrides n."),
+    key(
+        "mechanism.contact.damping_s_m",
+        Shape::Maybe(contact::DAMPING_S_M),
+        "Overrides a of Hunt–Crossley; 0 makes contact elastic.",
+    ),
+    key(
+        "mechanism.contact.damping_n_s_m",
+        Shape::Maybe(contact::DAMPING_N_S_M),
+        "Overrides c of Kelvin–Voigt.",
+    ),
+    key(
+        "mechanism.contact.friction_kinetic",
+        Shape::Maybe(contact::FRICTION),
+        "Overrides the kinetic friction coefficient; 0 switches friction off.",
+    ),
+    key(
+        "mechanism.contact.friction_static",
+        Shape::Maybe(contact::FRICTION),
+        "Overrides the static friction coefficient, at least the kinetic one.",
+    ),
+    key(
+        "mechanism.contact.stribeck_velocity_m_s",
+        Shape::Maybe(contact::STRIBECK_VELOCITY),
+        "Overrides the Stribeck velocity: how fast the static coefficient fades with sliding.",
+    ),
+    key(
+        "mechanism.contact.bristle_breakaway_m",
+        Shape::Maybe(contact::BRISTLE_BREAKAWAY),
+        "Overrides the displacement at which sticking ends; smaller is nearer to ideal friction.",
+    ),
+    key(
+        "mechanism.contact.bristle_damping_s",
+        Shape::Maybe(contact::BRISTLE_DAMPING),
+        "Overrides the time constant of the bristle's damping while it sticks.",
+    ),
+    key(
+        "mechanism.contact.merge_depth_m",
+        Shape::Maybe(contact::MERGE_DEPTH),
+        "Overrides the length over which neighbouring places of one pair of surfaces merge.",
+    ),
+    key(
+        "initial.axial_speed_m_s",
+        Shape::Number(Range::positive(2.0)),
+        "Closing speed of the ring centres along X3 at the plane of first contact.",
+    ),
+    key(
+        "initial.lateral_y_m",
+        Shape::Default(Range::within(-2.0, 2.0), 0.0),
+        "Offset of the target's ring centre from the chaser's along Y3 at first contact.",
+    ),
+    key("initial.lateral_z_m", Shape::Default(Range::within(-2.0, 2.0), 0.0), "The same along Z3."),
+    key(
+        "initial.lateral_speed_y_m_s",
+        Shape::Default(Range::within(-1.0, 1.0), 0.0),
+        "Speed of the target's ring centre relative to the chaser's along Y3 at first contact.",
+    ),
+    key(
+        "initial.lateral_speed_z_m_s",
+        Shape::Default(Range::within(-1.0, 1.0), 0.0),
+        "The same along Z3.",
+    ),
+    key(
+        "initial.roll_deg",
+        Shape::Default(Range::within(-180.0, 180.0), 0.0),
+        "Roll φ of R_34 about X; R_34 = Ry(pitch) Rz(yaw) Rx(roll).",
+    ),
+    key("initial.pitch_deg", Shape::Default(Range::within(-45.0, 45.0), 0.0), "Pitch θ about Y."),
+    key("initial.yaw_deg", Shape::Default(Range::within(-45.0, 45.0), 0.0), "Yaw ψ about Z."),
+    key(
+        "initial.roll_rate_deg_s",
+        Shape::Default(Range::within(-20.0, 20.0), 0.0),
+        "Angular velocity of the target relative to the chaser, X component in e4.",
+    ),
+    key(
+        "initial.pitch_rate_deg_s",
+        Shape::Default(Range::within(-20.0, 20.0), 0.0),
+        "The same, Y component.",
+    ),
+    key(
+        "initial.yaw_rate_deg_s",
+        Shape::Default(Range::within(-20.0, 20.0), 0.0),
+        "The same, Z component.",
+    ),
+    key(
+        "initial.gap_m",
+        Shape::Default(Range::positive(10.0), 0.05),
+        "How far before first contact the run starts: the state at first contact is taken back in \
+         free flight until the ring centres are this much farther apart along X3.",
+    ),
+    key(
+        "run.duration_s",
+        Shape::Number(Range::positive(1e5)),
+        "Simulated time after which the run ends at the latest.",
+    ),
+    key(
+        "run.tick_s",
+        Shape::Default(Range::within(1e-5, 0.1), 0.001),
+        "Period of the recorded ticks, a whole number of nanoseconds.",
+    ),
+    key(
+        "run.steps_per_tick",
+        Shape::Count(1, 10_000),
+        "Steps of the integrator in one tick; each twin has its own default.",
+    ),
+    key(
+        "run.stop_when_decided",
+        Shape::Flag(false),
+        "Ends the run as soon as the outcome cannot change any more.",
+    ),
+    key("thrust.on", Shape::Words(&["chaser", "target"], true), "The body that is pushed."),
+    key(
+        "thrust.after",
+        Shape::Words(&["start", "first_contact", "capture"], true),
+        "The event after which the delay begins.",
+    ),
+    key("thrust.delay_s", Shape::Default(TIME, 0.0), "Time from the event to the thrust."),
+    key("thrust.duration_s", Shape::Number(Range::positive(1e5)), "How long the thrust lasts."),
+    key("thrust.force_x_n", Shape::Default(ANY, 0.0), "Force at the mass centre, body axis X."),
+    key("thrust.force_y_n", Shape::Default(ANY, 0.0), "Force at the mass centre, body axis Y."),
+    key("thrust.force_z_n", Shape::Default(ANY, 0.0), "Force at the mass centre, body axis Z."),
+    key("thrust.moment_x_nm", Shape::Default(ANY, 0.0), "Moment, body axis X."),
+    key("thrust.moment_y_nm", Shape::Default(ANY, 0.0), "Moment, body axis Y."),
+    key("thrust.moment_z_nm", Shape::Default(ANY, 0.0), "Moment, body axis Z."),
+    key("thrust.until_capture", Shape::Flag(false), "Ends the thrust at capture."),
+    key("expect.outcome", Shape::Words(OUTCOMES, true), "How the run must end to pass."),
+    key("expect.because", Shape::Text, "Why physics gives this outcome."),
+    key("expect.first_contact_after_s", Shape::Maybe(TIME), "First contact not before this time."),
+    key("expect.first_contact_before_s", Shape::Maybe(TIME), "First contact before this time."),
+    key("expect.capture_after_s", Shape::Maybe(TIME), "Capture not before this time."),
+    key("expect.capture_before_s", Shape::Maybe(TIME), "Capture before this time."),
+    key("expect.peak_force_above_n", Shape::Maybe(LOAD), "Peak force at the port at least this."),
+    key("expect.peak_force_below_n", Shape::Maybe(LOAD), "Peak force at the port at most this."),
+    key("expect.peak_force_n", Shape::Maybe(LOAD), "Peak force at the port, within its tolerance."),
+    key(
+        "expect.peak_force_tolerance",
+        Shape::Maybe(TOLERANCE),
+        "Relative tolerance of peak_force_n.",
+    ),
+    key("expect.peak_moment_below_nm", Shape::Maybe(LOAD), "Peak moment at the port at most this."),
+    key(
+        "expect.peak_penetration_below_m",
+        Shape::Maybe(LOAD),
+        "Greatest contact depth at most this.",
+    ),
+    key("expect.impulse_above_ns", Shape::Maybe(LOAD), "Contact impulse at least this."),
+    key("expect.impulse_below_ns", Shape::Maybe(LOAD), "Contact impulse at most this."),
+    key("expect.impulse_ns", Shape::Maybe(LOAD), "Contact impulse, within its tolerance."),
+    key("expect.impulse_tolerance", Shape::Maybe(TOLERANCE), "Relative tolerance of impulse_ns."),
+    key(
+        "expect.exit_speed_m_s",
+        Shape::Maybe(Range::within(0.0, 10.0)),
+        "Speed at which the ports part after contact, within its tolerance.",
+    ),
+    key(
+        "expect.exit_speed_tolerance",
+        Shape::Maybe(TOLERANCE),
+        "Relative tolerance of exit_speed_m_s.",
+    ),
+];
+
+/// The entry of a key, given with or without indices of arrays.
+pub(crate) fn find(path: &str) -> Option<&'static Key> {
+    let plain = without_indices(path);
+    KEYS.iter().find(|k| k.key == plain)
+}
+
+fn without_indices(path: &str) -> String {
+    let names = path.split('.').filter(|p| p.parse::<usize>().is_err());
+    names.collect::<Vec<_>>().join(".")
+}
+
+/// A key that no scenario has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{key}` is no key of a scenario; did you mean `{nearest}`? `scenario explain` lists all")]
+pub struct UnknownKey {
+    /// What was asked for.
+    pub key: String,
+    /// The key most like it.
+    pub nearest: String,
+}
+
+/// Meaning, unit, range and default of one key, of all keys of one table, or of every key.
+///
+/// # Errors
+/// No key and no table has this name.
+pub fn explain(key: Option<&str>) -> Result<String, UnknownKey> {
+    let plain = key.map(without_indices);
+    let wanted = |k: &Key| {
+        plain.as_ref().is_none_or(|p| {
+            k.key == p || k.key.strip_prefix(p.as_str()).is_some_and(|rest| rest.starts_with('.'))
+        })
+    };
+    let mut text = String::new();
+    for k in KEYS.iter().filter(|k| wanted(k)) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "{}\n    {}\n    {}", k.key, allowed(k), k.meaning);
+    }
+    if text.is_empty() {
+        let key = plain.unwrap_or_default();
+        let nearest = nearest(&key, KEYS.iter().map(|k| k.key)).unwrap_or_default().to_owned();
+        return Err(UnknownKey { key, nearest });
+    }
+    Ok(text)
+}
+
+/// Unit, range and default of a key, on one line.
+fn allowed(k: &Key) -> String {
+    let unit = match unit_of(k.key) {
+        "" => "no unit".to_owned(),
+        unit => unit.to_owned(),
+    };
+    let words = |w: &[&str]| w.join(" | ");
+    match k.shape {
+        Shape::Number(r) => format!("number, {unit}, {r}; required"),
+        Shape::Default(r, d) => format!("number, {unit}, {r}; default {d}"),
+        Shape::Maybe(r) => format!("number, {unit}, {r}; optional"),
+        Shape::Count(1, 1) => "1; required".into(),
+        Shape::Count(lo, hi) => format!("whole number, {lo} to {hi}; optional"),
+        Shape::Text => "text; required".into(),
+        Shape::Path => "path of a file; required".into(),
+        Shape::Words(w, true) => format!("{}; required", words(w)),
+        Shape::Words(w, false) => format!("{}; optional", words(w)),
+        Shape::Flag(d) => format!("true | false; default {d}"),
+    }
+}

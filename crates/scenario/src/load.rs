@@ -1,0 +1,671 @@
+use std::path::{Path, PathBuf};
+
+use docktwin_core::{DVec3, Digest, Euler};
+use docktwin_model::toml_check::{Checker, Range, Table};
+use docktwin_model::{
+    AttenuationChoice, ContactLaw, DockingMechanism, FileDigest, Loaded, ModelErrors, NormalLaw,
+    Note, Problem, Spacecraft, load_mechanism, load_spacecraft,
+};
+
+use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
+use crate::keys::{Shape, find};
+use crate::overrides;
+
+/// A scenario with everything it names, checked. Angles are radians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// Name.
+    pub name: String,
+    /// What happens.
+    pub description: String,
+    /// The chaser, active side.
+    pub chaser: Spacecraft,
+    /// The target, passive side.
+    pub target: Spacecraft,
+    /// The mechanism between them, overrides of the scenario applied.
+    pub mechanism: DockingMechanism,
+    /// Relative state at the plane of first contact.
+    pub initial: InitialConditions,
+    /// Time and steps.
+    pub run: RunSettings,
+    /// Control wrenches.
+    pub thrusts: Vec<Thrust>,
+    /// What makes the verdict.
+    pub expect: Expect,
+    /// What the model files hold that is not used.
+    pub notes: Vec<Note>,
+    /// Every file read, the scenario first.
+    pub files: Vec<FileDigest>,
+    /// The scenario file with the overrides applied.
+    pub effective_toml: String,
+}
+
+impl Scenario {
+    /// The scenario as it ran: the file with overrides applied, and the digest of every file it was
+    /// made from as comments. It can be loaded again.
+    #[must_use]
+    pub fn as_run_toml(&self) -> String {
+        let mut text = self.effective_toml.trim_end().to_owned();
+        text.push_str("\n\n# Files of this run: digest and path\n");
+        for file in &self.files {
+            text.push_str(&format!("# {} {}\n", file.digest, file.path.display()));
+        }
+        text
+    }
+}
+
+/// Relative state of the ports at the plane of first contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InitialConditions {
+    /// Closing speed of the ring centres along X3, m/s, > 0.
+    pub axial_speed_m_s: f64,
+    /// Offset of the target's ring centre from the chaser's along Y3 and Z3, m.
+    pub lateral_m: [f64; 2],
+    /// Speed of the target's ring centre relative to the chaser's along Y3 and Z3, m/s.
+    pub lateral_speed_m_s: [f64; 2],
+    /// Euler angles of `R_34`, rad.
+    pub attitude: Euler,
+    /// Angular velocity of the target relative to the chaser, in e4, rad/s.
+    pub rates_rad_s: DVec3,
+    /// How far before first contact, along X3, the run starts, m.
+    pub gap_m: f64,
+}
+
+/// Time and steps of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunSettings {
+    /// Simulated time after which the run ends at the latest, s.
+    pub duration_s: f64,
+    /// Period of the recorded ticks, ns.
+    pub tick_nanos: u64,
+    /// Steps of the integrator in one tick; `None` leaves it to the twin.
+    pub steps_per_tick: Option<u32>,
+    /// Whether the run ends as soon as the outcome cannot change.
+    pub stop_when_decided: bool,
+}
+
+impl RunSettings {
+    /// Number of ticks within the duration, at least one.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "the duration is positive and at most 1e5 s"
+        )]
+        let n = (self.duration_s * 1e9 / self.tick_nanos as f64).round() as u64;
+        n.max(1)
+    }
+}
+
+/// The body a thrust acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// F1, M1.
+    Chaser,
+    /// F2, M2.
+    Target,
+}
+
+/// The event from which a thrust is timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trigger {
+    /// The start of the run.
+    Start,
+    /// First contact.
+    FirstContact,
+    /// Capture.
+    Capture,
+}
+
+/// A constant force and moment for some time, at the mass centre in body axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thrust {
+    /// The body.
+    pub on: Body,
+    /// The event.
+    pub after: Trigger,
+    /// From the event to the thrust, s.
+    pub delay_s: f64,
+    /// How long it lasts, s.
+    pub duration_s: f64,
+    /// Force, N.
+    pub force_n: DVec3,
+    /// Moment, N·m.
+    pub moment_nm: DVec3,
+    /// Whether it ends at capture.
+    pub until_capture: bool,
+}
+
+/// All problems of a scenario and of the models it names.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n"))]
+pub struct ScenarioErrors {
+    /// At least one.
+    pub problems: Vec<Problem>,
+}
+
+/// Reads a scenario, applies `overrides` (`key.path`, value) to its tree, checks it and loads the
+/// models it names. Model paths are tried from the folder of the scenario upward.
+///
+/// # Errors
+/// All problems of the scenario and of all its models.
+pub fn load_scenario(
+    path: &Path,
+    overrides: &[(String, String)],
+) -> Result<Scenario, ScenarioErrors> {
+    let alone = |what: String, remedy: &str| ScenarioErrors {
+        problems: vec![Problem {
+            file: path.into(),
+            key: "scenario".into(),
+            what,
+            remedy: remedy.into(),
+            ..Problem::default()
+        }],
+    };
+    let bytes = std::fs::read(path)
+        .map_err(|e| alone(format!("cannot be read ({e})"), "give the path of a scenario file"))?;
+    let digest = Digest::of_bytes(&bytes);
+    let text = String::from_utf8(bytes)
+        .map_err(|e| alone(format!("is not UTF-8 text ({e})"), "save it as UTF-8"))?;
+
+    let mut problems = Vec::new();
+    let effective = apply(path, &text, overrides, &mut problems);
+    let checker = Checker::new(path, &effective);
+    let read = checker.read(read_scenario);
+    problems.extend(checker.finish().0);
+
+    let mut notes = Vec::new();
+    let mut files = vec![FileDigest { path: path.into(), digest }];
+    let scenario = read.and_then(|said| {
+        let mut load =
+            Loading { path, problems: &mut problems, notes: &mut notes, files: &mut files };
+        let chaser = load.craft("chaser.model", &said.chaser, 1.0);
+        let target = load.craft("target.model", &said.target, -1.0);
+        let mechanism = load.mechanism(&said);
+        Some(Scenario {
+            name: said.name,
+            description: said.description,
+            chaser: chaser?,
+            target: target?,
+            mechanism: mechanism?,
+            initial: said.initial,
+            run: said.run,
+            thrusts: said.thrusts,
+            expect: said.expect,
+            notes: Vec::new(),
+            files: Vec::new(),
+            effective_toml: String::new(),
+        })
+    });
+    relate_to_original(path, &text, overrides, &mut problems);
+    match scenario {
+        Some(scenario) if problems.is_empty() => {
+            Ok(Scenario { notes, files, effective_toml: effective, ..scenario })
+        }
+        _ => Err(ScenarioErrors { problems }),
+    }
+}
+
+/// The text with the overrides applied; the text itself when it is not TOML, which the checker then
+/// reports.
+fn apply(
+    path: &Path,
+    text: &str,
+    overrides: &[(String, String)],
+    problems: &mut Vec<Problem>,
+) -> String {
+    if overrides.is_empty() {
+        return text.to_owned();
+    }
+    let Ok(mut document) = text.parse::<toml_edit::DocumentMut>() else { return text.to_owned() };
+    for (key, value) in overrides {
+        if let Err(what) = overrides::set(&mut document, key, value) {
+            problems.push(Problem {
+                file: path.into(),
+                key: format!("--set {key}"),
+                value: value.clone(),
+                what,
+                remedy:
+                    "give an existing key as --set key.path=value; `scenario explain` lists all"
+                        .into(),
+                ..Problem::default()
+            });
+        }
+    }
+    document.to_string()
+}
+
+/// Gives problems of the scenario their line in the file as it is on disk: the checker counted lines
+/// of the text with overrides. What an override said is named as such.
+fn relate_to_original(
+    path: &Path,
+    text: &str,
+    overrides: &[(String, String)],
+    problems: &mut [Problem],
+) {
+    let lines = overrides::lines(text);
+    let ours = |p: &&mut Problem| p.file == path && p.key != "syntax" && !p.key.contains(' ');
+    for p in problems.iter_mut().filter(ours) {
+        if overrides.iter().any(|(key, _)| *key == p.key) {
+            p.key = format!("--set {}", p.key);
+            p.line = None;
+            continue;
+        }
+        let mut at = p.key.as_str();
+        p.line = loop {
+            if let Some(line) = lines.get(at) {
+                break Some(*line);
+            }
+            match at.rsplit_once('.') {
+                Some((parent, _)) => at = parent,
+                None => break Some(1),
+            }
+        };
+    }
+}
+
+/// What the file itself says.
+pub(crate) struct Said {
+    name: String,
+    description: String,
+    chaser: String,
+    target: String,
+    active: String,
+    passive: String,
+    attenuation: Option<AttenuationChoice>,
+    petals: bool,
+    contact: Option<ContactOverrides>,
+    initial: InitialConditions,
+    run: RunSettings,
+    thrusts: Vec<Thrust>,
+    expect: Expect,
+}
+
+/// Parts of the contact law that a scenario changes.
+#[derive(Clone, Copy, Default)]
+struct ContactOverrides {
+    hunt_crossley: Option<bool>,
+    stiffness: Option<f64>,
+    exponent: Option<f64>,
+    damping_s_m: Option<f64>,
+    damping_n_s_m: Option<f64>,
+    friction_kinetic: Option<f64>,
+    friction_static: Option<f64>,
+    stribeck_velocity_m_s: Option<f64>,
+    bristle_breakaway_m: Option<f64>,
+    bristle_damping_s: Option<f64>,
+    merge_depth_m: Option<f64>,
+}
+
+// Reading by the table of keys -----------------------------------------------------------------
+
+/// A number as the table of keys describes it; NaN when it is absent or wrong.
+fn number(t: &Table<'_, '_>, key: &'static str) -> f64 {
+    match find(&t.key(key)).map(|k| k.shape) {
+        Some(Shape::Number(range)) => t.number(key, range),
+        Some(Shape::Default(range, default)) => t.optional_number(key, range).unwrap_or(default),
+        Some(Shape::Maybe(range)) => t.optional_number(key, range).unwrap_or(f64::NAN),
+        _ => t.number(key, Range::ANY),
+    }
+}
+
+/// A number that may be absent.
+fn maybe(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
+    t.has(key).then(|| number(t, key))
+}
+
+fn flag(t: &Table<'_, '_>, key: &'static str) -> bool {
+    let default = matches!(find(&t.key(key)).map(|k| k.shape), Some(Shape::Flag(true)));
+    t.flag(key, default)
+}
+
+fn vector(t: &Table<'_, '_>, keys: [&'static str; 3]) -> DVec3 {
+    DVec3::from_array(keys.map(|k| number(t, k)))
+}
+
+pub(crate) fn read_scenario(t: &Table<'_, '_>) -> Said {
+    if t.optional_count("schema", 1, 1).is_none() {
+        t.refuse("schema", "is missing", "add `schema = 1`");
+    }
+    let model = |key| t.section(key, |c| c.text("model", "path of a URDF"));
+    let (chaser, target) = (model("chaser"), model("target"));
+    let (active, passive, attenuation, petals, contact) = t.section("mechanism", |m| {
+        (
+            m.text("active", "path of a URDF"),
+            m.text("passive", "path of a URDF"),
+            m.optional_choice("attenuation", &AttenuationChoice::WORDS),
+            flag(m, "petals"),
+            m.optional_section("contact", read_contact),
+        )
+    });
+    Said {
+        name: t.text("name", "text"),
+        description: t.text("description", "text"),
+        chaser,
+        target,
+        active,
+        passive,
+        attenuation,
+        petals,
+        contact,
+        initial: t.section("initial", read_initial),
+        run: t.section("run", read_run),
+        thrusts: t.sections("thrust", read_thrust),
+        expect: t.section("expect", read_expect),
+    }
+}
+
+fn read_contact(t: &Table<'_, '_>) -> ContactOverrides {
+    ContactOverrides {
+        hunt_crossley: t
+            .optional_choice("normal_law", &[("hunt_crossley", true), ("kelvin_voigt", false)]),
+        stiffness: maybe(t, "stiffness_n_m"),
+        exponent: maybe(t, "exponent"),
+        damping_s_m: maybe(t, "damping_s_m"),
+        damping_n_s_m: maybe(t, "damping_n_s_m"),
+        friction_kinetic: maybe(t, "friction_kinetic"),
+        friction_static: maybe(t, "friction_static"),
+        stribeck_velocity_m_s: maybe(t, "stribeck_velocity_m_s"),
+        bristle_breakaway_m: maybe(t, "bristle_breakaway_m"),
+        bristle_damping_s: maybe(t, "bristle_damping_s"),
+        merge_depth_m: maybe(t, "merge_depth_m"),
+    }
+}
+
+fn read_initial(t: &Table<'_, '_>) -> InitialConditions {
+    let rates = ["roll_rate_deg_s", "pitch_rate_deg_s", "yaw_rate_deg_s"];
+    InitialConditions {
+        axial_speed_m_s: number(t, "axial_speed_m_s"),
+        lateral_m: [number(t, "lateral_y_m"), number(t, "lateral_z_m")],
+        lateral_speed_m_s: [number(t, "lateral_speed_y_m_s"), number(t, "lateral_speed_z_m_s")],
+        attitude: Euler::from_degrees(
+            number(t, "roll_deg"),
+            number(t, "pitch_deg"),
+            number(t, "yaw_deg"),
+        ),
+        rates_rad_s: vector(t, rates) * (core::f64::consts::PI / 180.0),
+        gap_m: number(t, "gap_m"),
+    }
+}
+
+fn read_run(t: &Table<'_, '_>) -> RunSettings {
+    let duration_s = number(t, "duration_s");
+    let tick_s = number(t, "tick_s");
+    let nanos = (tick_s * 1e9).round();
+    if (tick_s * 1e9 - nanos).abs() > 1e-3 {
+        t.refuse("tick_s", "is not a whole number of nanoseconds", "round it");
+    }
+    if tick_s > duration_s {
+        t.refuse("tick_s", "is longer than the run", "make it shorter than duration_s");
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "0.00001 s to 0.1 s, or NaN, which was reported and becomes 0"
+    )]
+    let tick_nanos = nanos as u64;
+    RunSettings {
+        duration_s,
+        tick_nanos,
+        steps_per_tick: t.optional_count("steps_per_tick", 1, 10_000),
+        stop_when_decided: flag(t, "stop_when_decided"),
+    }
+}
+
+fn read_thrust(t: &Table<'_, '_>) -> Thrust {
+    let on = t.choice("on", &[("chaser", Body::Chaser), ("target", Body::Target)]);
+    let events = [
+        ("start", Trigger::Start),
+        ("first_contact", Trigger::FirstContact),
+        ("capture", Trigger::Capture),
+    ];
+    let after = t.choice("after", &events);
+    let thrust = Thrust {
+        // Placeholders behind a problem that was reported.
+        on: on.unwrap_or(Body::Chaser),
+        after: after.unwrap_or(Trigger::Start),
+        delay_s: number(t, "delay_s"),
+        duration_s: number(t, "duration_s"),
+        force_n: vector(t, ["force_x_n", "force_y_n", "force_z_n"]),
+        moment_nm: vector(t, ["moment_x_nm", "moment_y_nm", "moment_z_nm"]),
+        until_capture: flag(t, "until_capture"),
+    };
+    if thrust.force_n == DVec3::ZERO && thrust.moment_nm == DVec3::ZERO {
+        t.refuse(
+            "force_x_n",
+            "neither force nor moment is given",
+            "give one, or remove the thrust",
+        );
+    }
+    if thrust.until_capture && after == Some(Trigger::Capture) {
+        let what = "ends the thrust at capture, but it begins after capture";
+        t.refuse("until_capture", what, "remove it");
+    }
+    thrust
+}
+
+fn read_expect(t: &Table<'_, '_>) -> Expect {
+    let outcome = t.choice("outcome", &ExpectedOutcome::WORDS);
+    // The spread of a bound: first the key of its lower end, then of its upper one.
+    let between = |above: Option<&'static str>, below: Option<&'static str>| {
+        let bound = Bound {
+            above: above.and_then(|k| maybe(t, k)),
+            below: below.and_then(|k| maybe(t, k)),
+            near: None,
+        };
+        if let (Some(a), Some(b), Some(key)) = (bound.above, bound.below, below)
+            && a >= b
+        {
+            t.refuse(key, format!("leaves nothing: the lower bound is {a}"), "make it larger");
+        }
+        bound
+    };
+    let near = |value: &'static str, tolerance: &'static str| {
+        let (v, tol) = (maybe(t, value), maybe(t, tolerance));
+        match (v, tol) {
+            (Some(value), Some(tolerance)) => Some(Target { value, tolerance }),
+            (Some(_), None) => {
+                t.refuse(value, format!("has no `{tolerance}`"), format!("add {tolerance} = 0.01"));
+                None
+            }
+            (None, Some(_)) => {
+                t.refuse(tolerance, format!("has no `{value}`"), format!("add `{value}`"));
+                None
+            }
+            (None, None) => None,
+        }
+    };
+    let expect = Expect {
+        outcome: outcome.unwrap_or(ExpectedOutcome::Captured),
+        because: t.text("because", "text: why physics gives this outcome"),
+        first_contact_s: between(Some("first_contact_after_s"), Some("first_contact_before_s")),
+        capture_s: between(Some("capture_after_s"), Some("capture_before_s")),
+        peak_force_n: Bound {
+            near: near("peak_force_n", "peak_force_tolerance"),
+            ..between(Some("peak_force_above_n"), Some("peak_force_below_n"))
+        },
+        peak_moment_nm: between(None, Some("peak_moment_below_nm")),
+        peak_penetration_m: between(None, Some("peak_penetration_below_m")),
+        impulse_ns: Bound {
+            near: near("impulse_ns", "impulse_tolerance"),
+            ..between(Some("impulse_above_ns"), Some("impulse_below_ns"))
+        },
+        exit_speed_m_s: Bound {
+            near: near("exit_speed_m_s", "exit_speed_tolerance"),
+            ..Bound::default()
+        },
+    };
+    let captures = matches!(
+        outcome,
+        None | Some(
+            ExpectedOutcome::Captured | ExpectedOutcome::LimitExceeded | ExpectedOutcome::Stopped
+        )
+    );
+    if !captures && expect.capture_s != Bound::default() {
+        let key = if t.has("capture_before_s") { "capture_before_s" } else { "capture_after_s" };
+        t.refuse(key, "bounds a capture that the outcome excludes", "remove it");
+    }
+    expect
+}
+
+// Models ---------------------------------------------------------------------------------------
+
+struct Loading<'a> {
+    path: &'a Path,
+    problems: &'a mut Vec<Problem>,
+    notes: &'a mut Vec<Note>,
+    files: &'a mut Vec<FileDigest>,
+}
+
+impl Loading<'_> {
+    fn refuse(&mut self, key: &str, value: String, what: &str, remedy: &str) {
+        self.problems.push(Problem {
+            file: self.path.into(),
+            key: key.into(),
+            value,
+            what: what.into(),
+            remedy: remedy.into(),
+            ..Problem::default()
+        });
+    }
+
+    /// A path named by the scenario, looked for from its folder upward. Nothing when the name is
+    /// missing, which was reported, or when there is no such file.
+    fn find(&mut self, key: &str, named: &str) -> Option<PathBuf> {
+        if named.is_empty() {
+            return None;
+        }
+        let found = resolve_path(self.path, Path::new(named));
+        if found.is_none() {
+            self.refuse(
+                key,
+                format!("\"{named}\""),
+                "is found neither beside the scenario nor in any folder above it",
+                "mend the path; it counts from the folder of the scenario or one above it",
+            );
+        }
+        found
+    }
+
+    fn take<T>(&mut self, loaded: Result<Loaded<T>, ModelErrors>) -> Option<T> {
+        match loaded {
+            Ok(loaded) => {
+                self.notes.extend(loaded.notes);
+                self.files.extend(loaded.files);
+                Some(loaded.model)
+            }
+            Err(errors) => {
+                self.problems.extend(errors.problems);
+                None
+            }
+        }
+    }
+
+    /// A spacecraft whose port looks along `side` · X of the docking axis.
+    fn craft(&mut self, key: &str, named: &str, side: f64) -> Option<Spacecraft> {
+        let urdf = self.find(key, named)?;
+        let craft = self.take(load_spacecraft(&urdf))?;
+        let port = craft.x_body_port;
+        if (port.q * DVec3::X).dot(port.p) * side < 0.0 {
+            let what = "has its port on the wrong side: docked, the spacecraft would overlap (+X of \
+                        both ports points from chaser to target)";
+            self.refuse(
+                key,
+                format!("\"{named}\""),
+                what,
+                "name a model whose port faces the other",
+            );
+        }
+        Some(craft)
+    }
+
+    fn mechanism(&mut self, said: &Said) -> Option<DockingMechanism> {
+        let active = self.find("mechanism.active", &said.active);
+        let passive = self.find("mechanism.passive", &said.passive);
+        let mut mechanism = self.take(load_mechanism(&active?, &passive?, said.attenuation))?;
+        if !said.petals {
+            mechanism.active.petals = None;
+            mechanism.passive.petals = None;
+        }
+        if let Some(changes) = &said.contact {
+            mechanism.contact = self.changed_contact(mechanism.contact, changes);
+        }
+        Some(mechanism)
+    }
+
+    fn changed_contact(&mut self, law: ContactLaw, o: &ContactOverrides) -> ContactLaw {
+        let was = match law.normal {
+            NormalLaw::HuntCrossley { stiffness, exponent, damping_s_m } => {
+                (true, stiffness, Some((exponent, damping_s_m)), None)
+            }
+            NormalLaw::KelvinVoigt { stiffness, damping_n_s_m } => {
+                (false, stiffness, None, Some(damping_n_s_m))
+            }
+        };
+        let stiffness = o.stiffness.unwrap_or(was.1);
+        let hunt_crossley = o.hunt_crossley.unwrap_or(was.0);
+        let mut needed = |key: &str, value: Option<f64>| {
+            value.unwrap_or_else(|| {
+                let key = format!("mechanism.contact.{key}");
+                let what = "is needed by this normal law and not given by the mechanism";
+                self.refuse(&key, String::new(), what, "add it");
+                f64::NAN
+            })
+        };
+        let normal = if hunt_crossley {
+            NormalLaw::HuntCrossley {
+                stiffness,
+                exponent: needed("exponent", o.exponent.or(was.2.map(|x| x.0))),
+                damping_s_m: needed("damping_s_m", o.damping_s_m.or(was.2.map(|x| x.1))),
+            }
+        } else {
+            let c = needed("damping_n_s_m", o.damping_n_s_m.or(was.3));
+            NormalLaw::KelvinVoigt { stiffness, damping_n_s_m: c }
+        };
+        let foreign = if hunt_crossley {
+            [("damping_n_s_m", o.damping_n_s_m), ("", None)]
+        } else {
+            [("exponent", o.exponent), ("damping_s_m", o.damping_s_m)]
+        };
+        for (key, value) in foreign {
+            if let Some(x) = value {
+                let key = format!("mechanism.contact.{key}");
+                let what = "belongs to the other normal law";
+                self.refuse(&key, x.to_string(), what, "remove it, or set normal_law");
+            }
+        }
+        let changed = ContactLaw {
+            normal,
+            friction_kinetic: o.friction_kinetic.unwrap_or(law.friction_kinetic),
+            friction_static: o.friction_static.unwrap_or(law.friction_static),
+            stribeck_velocity_m_s: o.stribeck_velocity_m_s.unwrap_or(law.stribeck_velocity_m_s),
+            bristle_breakaway_m: o.bristle_breakaway_m.unwrap_or(law.bristle_breakaway_m),
+            bristle_damping_s: o.bristle_damping_s.unwrap_or(law.bristle_damping_s),
+            merge_depth_m: o.merge_depth_m.unwrap_or(law.merge_depth_m),
+        };
+        if changed.friction_static < changed.friction_kinetic {
+            self.refuse(
+                "mechanism.contact.friction_static",
+                changed.friction_static.to_string(),
+                "is below the kinetic coefficient",
+                "set friction_static too, at least as large as friction_kinetic",
+            );
+        }
+        changed
+    }
+}
+
+/// A path named in a scenario: as it stands if absolute, else from the folder of the scenario, then
+/// from each folder above it. Given relative to the working folder where it lies below that.
+#[must_use]
+pub fn resolve_path(scenario: &Path, named: &Path) -> Option<PathBuf> {
+    if named.is_absolute() {
+        return named.is_file().then(|| named.to_owned());
+    }
+    let absolute = std::path::absolute(scenario).ok()?;
+    let found = absolute.ancestors().skip(1).map(|d| d.join(named)).find(|p| p.is_file())?;
+    let here = std::env::current_dir().unwrap_or_default();
+    Some(found.strip_prefix(&here).map(Path::to_owned).unwrap_or(found))
+}

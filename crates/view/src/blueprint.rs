@@ -1,0 +1,282 @@
+//! The layout stored in the recording.
+//!
+//! Written archetype by archetype: the builder of rerun 0.36 (`rerun::blueprint`) has no way to give
+//! a 3-D view its eye, its background or its grid.
+
+use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
+use rerun::external::re_sdk_types::blueprint::archetypes::{
+    Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint,
+    PlotLegend, ScalarAxis, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint,
+    ViewContents, ViewportBlueprint,
+};
+use rerun::external::re_sdk_types::blueprint::components::{
+    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LinkAxis,
+    PanelState, PlayState, RootContainer, RowShare, TextLogColumn, TimelineColumn,
+};
+use rerun::external::re_sdk_types::blueprint::datatypes as bp_datatypes;
+use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
+
+use crate::eye::Eye;
+use crate::mesh::f32x3;
+use crate::paths;
+
+/// Where a view keeps what it does with one entity; hulls would catch every click.
+const CHASER_HULL: &str = "ViewContents/overrides/scene/chaser/hull/visualizers";
+const TARGET_HULL: &str = "ViewContents/overrides/scene/target/hull/visualizers";
+
+enum Node {
+    View {
+        class: &'static str,
+        name: &'static str,
+        origin: &'static str,
+        properties: Vec<(&'static str, Box<dyn AsComponents>)>,
+    },
+    Container {
+        kind: ContainerKind,
+        name: &'static str,
+        shares: Vec<f32>,
+        children: Vec<Node>,
+    },
+}
+
+/// A plot of three axes in their usual colours needs no legend, which would hide half of it.
+fn axes_plot(name: &'static str, origin: &'static str) -> Node {
+    plot(name, origin, PlotLegend::new().with_visible(false))
+}
+
+fn plot(name: &'static str, origin: &'static str, legend: PlotLegend) -> Node {
+    Node::View {
+        class: "TimeSeries",
+        name,
+        origin,
+        properties: vec![
+            ("PlotLegend", Box::new(legend)),
+            ("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal))),
+            ("ScalarAxis", Box::new(ScalarAxis::new().with_zoom_lock(true))),
+        ],
+    }
+}
+
+fn legend() -> PlotLegend {
+    PlotLegend::new().with_corner(Corner2D::RightTop)
+}
+
+fn row(children: Vec<Node>) -> Node {
+    Node::Container { kind: ContainerKind::Horizontal, name: "", shares: vec![], children }
+}
+
+fn layout(eye: &Eye) -> Node {
+    let scene = Node::View {
+        class: "3D",
+        name: "Mechanism, seen from the chaser's port e3",
+        origin: paths::SCENE,
+        properties: vec![
+            (
+                "EyeControls3D",
+                Box::new(
+                    EyeControls3D::new()
+                        .with_kind(Eye3DKind::Orbital)
+                        .with_position(f32x3(eye.position))
+                        .with_look_target(f32x3(eye.target))
+                        .with_eye_up([0.0, 0.0, 1.0]),
+                ),
+            ),
+            (
+                "Background",
+                Box::new(Background::new(BackgroundKind::SolidColor).with_color(0x14181E_FF)),
+            ),
+            (CHASER_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),
+            (TARGET_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),
+            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
+        ],
+    };
+    let log = Node::View {
+        class: "TextLog",
+        name: "Events",
+        origin: paths::EVENTS,
+        properties: vec![(
+            "TextLogColumns",
+            Box::new(
+                TextLogColumns::new()
+                    .with_timeline_columns([TimelineColumn(bp_datatypes::TimelineColumn {
+                        timeline: paths::TIMELINE.into(),
+                        visible: true.into(),
+                    })])
+                    .with_text_log_columns([
+                        text_log_column(bp_datatypes::TextLogColumnKind::LogLevel),
+                        text_log_column(bp_datatypes::TextLogColumnKind::Body),
+                    ]),
+            ),
+        )],
+    };
+    let table = Node::View {
+        class: "TextDocument",
+        name: "Contacts",
+        origin: paths::TABLE,
+        properties: vec![],
+    };
+    let latches = Node::View {
+        class: "StateTimeline",
+        name: "Latch states",
+        origin: paths::LATCH_STATES,
+        properties: vec![("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal)))],
+    };
+    Node::Container {
+        kind: ContainerKind::Horizontal,
+        name: "docktwin",
+        shares: vec![5.0, 4.0],
+        children: vec![
+            Node::Container {
+                kind: ContainerKind::Vertical,
+                name: "",
+                shares: vec![7.0, 3.0],
+                children: vec![
+                    scene,
+                    Node::Container {
+                        kind: ContainerKind::Horizontal,
+                        name: "",
+                        shares: vec![3.0, 2.0],
+                        children: vec![table, log],
+                    },
+                ],
+            },
+            Node::Container {
+                kind: ContainerKind::Vertical,
+                name: "",
+                shares: vec![1.5, 1.1, 1.1, 1.4, 1.3],
+                children: vec![
+                    row(vec![
+                        axes_plot("Force at e3, N (white: Σ contact)", paths::PORT_FORCE),
+                        axes_plot("Moment at e3, N·m", paths::PORT_MOMENT),
+                    ]),
+                    row(vec![
+                        tabs(vec![
+                            axes_plot("Position, m (X Y Z = r g b)", paths::POSITION),
+                            axes_plot("Velocity, m/s", paths::VELOCITY),
+                        ]),
+                        tabs(vec![
+                            axes_plot("Attitude, ° (roll pitch yaw)", paths::ATTITUDE),
+                            axes_plot("Rate, °/s", paths::RATE),
+                        ]),
+                    ]),
+                    row(vec![
+                        axes_plot("Ring deflection, mm", paths::RING_DEFLECTION),
+                        axes_plot("Ring tilt, ° (roll pitch yaw)", paths::RING_TILT),
+                    ]),
+                    row(vec![
+                        plot("Energy, J", paths::ENERGY, legend()),
+                        plot("Latch gaps, mm", paths::LATCH_GAP, legend()),
+                    ]),
+                    latches,
+                ],
+            },
+        ],
+    }
+}
+
+fn tabs(children: Vec<Node>) -> Node {
+    Node::Container { kind: ContainerKind::Tabs, name: "", shares: vec![], children }
+}
+
+fn text_log_column(kind: bp_datatypes::TextLogColumnKind) -> TextLogColumn {
+    TextLogColumn(bp_datatypes::TextLogColumn { kind, visible: true.into() })
+}
+
+/// Names the parts of the layout; they need to be different only from each other.
+fn uuid(number: u32) -> (String, [u8; 16]) {
+    let mut bytes = *b"docktwin-view\0\0\0";
+    bytes[12..].copy_from_slice(&number.to_be_bytes());
+    let hex: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
+    let text = [&hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]].join("-");
+    (text, bytes)
+}
+
+impl Node {
+    /// Logs the part and what it holds; gives its path and id.
+    fn log(
+        &self,
+        rec: &RecordingStream,
+        next: &mut u32,
+    ) -> RecordingStreamResult<(String, [u8; 16])> {
+        let (id, bytes) = uuid(*next);
+        *next += 1;
+        let path = match self {
+            Self::View { class, name, origin, properties } => {
+                let path = format!("view/{id}");
+                rec.log(format!("{path}/ViewContents"), &ViewContents::new(["$origin/**"]))?;
+                rec.log(
+                    path.as_str(),
+                    &ViewBlueprint::new(*class).with_display_name(*name).with_space_origin(*origin),
+                )?;
+                for (property, value) in properties {
+                    rec.log(format!("{path}/{property}"), value.as_ref())?;
+                }
+                path
+            }
+            Self::Container { kind, name, shares, children } => {
+                let path = format!("container/{id}");
+                let mut contents = Vec::new();
+                for child in children {
+                    contents.push(IncludedContent(child.log(rec, next)?.0.into()));
+                }
+                let mut container = ContainerBlueprint::new(*kind).with_contents(contents);
+                if !name.is_empty() {
+                    container = container.with_display_name(*name);
+                }
+                container = match kind {
+                    ContainerKind::Vertical => {
+                        container.with_row_shares(shares.iter().map(|s| RowShare::from(*s)))
+                    }
+                    _ => container.with_col_shares(shares.iter().map(|s| ColumnShare::from(*s))),
+                };
+                rec.log(path.as_str(), &container)?;
+                path
+            }
+        };
+        Ok((path, bytes))
+    }
+}
+
+/// Stores the layout in the recording and makes it the active one.
+pub(crate) fn send(
+    rec: &RecordingStream,
+    application: &'static str,
+    eye: &Eye,
+) -> RecordingStreamResult<()> {
+    let (blueprint, storage) = RecordingStreamBuilder::new(application)
+        .recording_id(RecordingId::random())
+        .enabled(true)
+        .blueprint()
+        .memory()?;
+    blueprint.set_time_sequence("blueprint", 0);
+    let (_, root) = layout(eye).log(&blueprint, &mut 0)?;
+    blueprint.log(
+        "viewport",
+        &ViewportBlueprint::new()
+            .with_root_container(RootContainer(root.into()))
+            .with_auto_layout(false)
+            .with_auto_views(false),
+    )?;
+    for panel in ["blueprint_panel", "selection_panel"] {
+        blueprint.log(panel, &PanelBlueprint::new().with_state(PanelState::Collapsed))?;
+    }
+    blueprint.log(
+        "time_panel",
+        &TimePanelBlueprint::new()
+            .with_state(PanelState::Collapsed)
+            .with_timeline(paths::TIMELINE)
+            // Opens at the end, where peaks and trace sum up the run.
+            .with_play_state(PlayState::Following),
+    )?;
+    let messages = storage.take();
+    let id = messages.iter().find_map(|m| match m {
+        LogMsg::SetStoreInfo(info) => Some(info.info.store_id.clone()),
+        _ => None,
+    });
+    if let Some(blueprint_id) = id {
+        let activation =
+            BlueprintActivationCommand { blueprint_id, make_active: true, make_default: true };
+        rec.send_blueprint(messages, activation);
+    }
+    Ok(())
+}

@@ -1,0 +1,37 @@
+//! Entity paths of the recording, and its timeline. Everything under [`SCENE`] is in `e3`.
+
+/// Simulated time since the start of the run.
+pub(crate) const TIMELINE: &str = "sim_time";
+pub(crate) const SCENE: &str = "scene";
+pub(crate) const CHASER: &str = "scene/chaser";
+pub(crate) const TARGET: &str = "scene/target";
+/// The frame `r3`.
+pub(crate) const ACTIVE: &str = "scene/active_ring";
+/// The frame `r4`.
+pub(crate) const PASSIVE: &str = "scene/target/passive_ring";
+pub(crate) const LATCHES: &str = "scene/active_ring/latches";
+pub(crate) const TRACE: &str = "scene/active_ring/trace";
+pub(crate) const PEAKS: &str = "scene/active_ring/peaks";
+pub(crate) const LEGS: &str = "scene/attenuator_legs";
+pub(crate) const CONTACTS: &str = "scene/contacts";
+pub(crate) const LABELS: &str = "scene/labels";
+pub(crate) const LEGEND: &str = "scene/legend";
+
+pub(crate) const PORT_FORCE: &str = "port/force";
+pub(crate) const PORT_MOMENT: &str = "port/moment";
+pub(crate) const POSITION: &str = "relative/position";
+pub(crate) const ATTITUDE: &str = "relative/attitude";
+pub(crate) const VELOCITY: &str = "relative/velocity";
+pub(crate) const RATE: &str = "relative/rate";
+pub(crate) const RING_DEFLECTION: &str = "ring/deflection";
+pub(crate) const RING_TILT: &str = "ring/tilt";
+pub(crate) const ENERGY: &str = "energy";
+pub(crate) const LATCH_GAP: &str = "latch/gap";
+pub(crate) const LATCH_STATES: &str = "latch_state";
+pub(crate) const EVENTS: &str = "events";
+pub(crate) const TABLE: &str = "contact_table";
+
+/// State of latch `i`, counted from 0 and named from 1.
+pub(crate) fn latch_state(i: usize) -> String {
+    format!("{LATCH_STATES}/latch_{}", i + 1)
+}

@@ -1,0 +1,699 @@
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use docktwin_core::{DVec3, Pose, SimTime};
+use docktwin_model::{DockingMechanism, Spacecraft};
+use rerun::{Radius, RecordingStream, RecordingStreamBuilder};
+
+use crate::columns::{Arrows, Curves, Labels, Legs, Points, Poses, Texts};
+use crate::eye::Eye;
+use crate::mesh::f32x3;
+use crate::style::{self, PairClass};
+use crate::{ViewError, blueprint, paths, scene};
+
+/// Name under which the viewer keeps its own changes to the layout.
+const APPLICATION: &str = "docktwin";
+/// Frames sent together; more is cheaper, fewer lose less when the process dies.
+const BATCH: usize = 256;
+/// Points of the trace closer than this, m, are one.
+const TRACE_CELL_M: f64 = 0.006;
+/// Points of the trace in one entity: a new point repeats at most so many.
+const TRACE_SEGMENT: usize = 32;
+/// Table, labels and peaks change at most so often, ns.
+const SUMMARY_PERIOD_NS: i64 = 10_000_000;
+/// Friction below this, N, has no arrow.
+const FRICTION_FROM_N: f64 = 1.0;
+/// Labels on either side of the view.
+const SLOTS: usize = 12;
+/// Rows of the table.
+const SUMMARY_ROWS: usize = 8;
+
+/// What does not change during a run.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneModel<'a> {
+    /// Name of the scenario, shown as the recording's name.
+    pub scenario: &'a str,
+    /// The chaser, whose port carries the active side.
+    pub chaser: &'a Spacecraft,
+    /// The target, whose port carries the passive side.
+    pub target: &'a Spacecraft,
+    /// The mechanism.
+    pub mechanism: &'a DockingMechanism,
+}
+
+/// One instant of a run. About 100 frames a second are plenty, and one for every tick in which a
+/// contact begins or ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// Simulated time since the start of the run.
+    pub time: SimTime,
+    /// `X_W1`: the chaser's body frame `e1` in the world.
+    pub x_world_chaser: Pose,
+    /// `X_W2`: the target's body frame `e2` in the world.
+    pub x_world_target: Pose,
+    /// `X_Wr3`: the active ring's frame in the world.
+    pub x_world_ring: Pose,
+    /// Contacts at this instant, latches that hold included.
+    pub contacts: &'a [ContactArrow],
+    /// State of each latch: 0 free, 1 approach, 2 struck, 3 latched. Ignored where the mechanism
+    /// has no latches.
+    pub latches: [u8; 3],
+    /// Curves.
+    pub scalars: &'a Scalars,
+}
+
+/// One contact. Forces are those that the **active** side feels; the passive one feels the
+/// opposite at the same point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactArrow {
+    /// Index into the pair names given to [`SceneWriter::create`].
+    pub pair: usize,
+    /// Contact point, world frame, m.
+    pub point_w_m: DVec3,
+    /// Normal force, world frame, N.
+    pub normal_force_w_n: DVec3,
+    /// Friction force, world frame, N.
+    pub friction_w_n: DVec3,
+    /// Depth, m, ≥ 0.
+    pub depth_m: f64,
+}
+
+/// Curves of one instant. A number that is not known may be NaN: it leaves a gap in its curve.
+/// Angles are roll, pitch, yaw in the x, y, z of a vector.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scalars {
+    /// `p_34` in `e3`, m.
+    pub relative_position_m: DVec3,
+    /// Euler angles of `R_34`, degrees.
+    pub relative_attitude_deg: DVec3,
+    /// Velocity of `e4`'s origin seen from `e3`, in `e3`, m/s.
+    pub relative_velocity_m_s: DVec3,
+    /// Angular velocity of `e4` against `e3`, in `e3`, degrees/s.
+    pub relative_rate_deg_s: DVec3,
+    /// Displacement of the active ring from rest, in `e3`, mm.
+    pub ring_deflection_mm: DVec3,
+    /// Euler angles of the active ring against `e3`, degrees.
+    pub ring_tilt_deg: DVec3,
+    /// Force of the mechanism on the chaser at its port, in `e3`, N.
+    pub port_force_n: DVec3,
+    /// Moment of the mechanism on the chaser about the origin of `e3`, in `e3`, N·m.
+    pub port_moment_nm: DVec3,
+    /// Sum of the sizes of all normal forces, N.
+    pub contact_normal_sum_n: f64,
+    /// Energies since the start.
+    pub energy: Energies,
+    /// Axial gap at each latch, m.
+    pub latch_gap_m: [f64; 3],
+}
+
+/// Energies by kind, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energies {
+    /// Kinetic energy of the motion relative to the common mass centre.
+    pub kinetic_relative_j: f64,
+    /// Stored in springs of contact and attenuator.
+    pub stored_j: f64,
+    /// Lost so far in friction between the surfaces.
+    pub dissipated_friction_j: f64,
+    /// Lost so far in the damping of contacts.
+    pub dissipated_contact_j: f64,
+    /// Lost so far in the attenuator.
+    pub dissipated_attenuator_j: f64,
+}
+
+/// Writes the recording. What was not yet sent when a writer is dropped without
+/// [`finish`](Self::finish) is written as far as possible, its errors lost.
+pub struct SceneWriter {
+    rec: RecordingStream,
+    path: PathBuf,
+    /// `X_13`.
+    x_chaser_port: Pose,
+    /// `X_24`.
+    x_target_port: Pose,
+    legs: Vec<[DVec3; 2]>,
+    latch_points: Option<[[f32; 3]; 3]>,
+    pairs: Vec<Pair>,
+    slots: Vec<Slot>,
+    eye: Eye,
+    shown_latches: Option<[u8; 3]>,
+    summary: Summary,
+    trace: Trace,
+    rows: Rows,
+    frames: usize,
+    last: i64,
+    /// `X_3r3` of the last frame.
+    x_3r: Pose,
+}
+
+/// A pair of surfaces.
+struct Pair {
+    name: String,
+    class: PairClass,
+    /// Strongest place in this frame.
+    now_n: f64,
+    now_depth_m: f64,
+    now_point: DVec3,
+    places: usize,
+    peak: Option<Peak>,
+    /// Its label's place, kept for the whole run.
+    slot: Option<usize>,
+}
+
+/// A place for a label.
+struct Slot {
+    seen_at: [f64; 2],
+    /// In `e3`, m.
+    point: DVec3,
+    taken: bool,
+}
+
+fn slots(eye: &Eye) -> Vec<Slot> {
+    let rows = |x: f64| (0..SLOTS).map(move |k| [x, -0.88 + 1.5 * k as f64 / (SLOTS - 1) as f64]);
+    let slot = |seen_at| Slot { seen_at, point: eye.point(seen_at, 0.75), taken: false };
+    rows(-0.95).chain(rows(0.95)).map(slot).collect()
+}
+
+/// The strongest contact of a pair so far, in `r3`.
+#[derive(Clone, Copy)]
+struct Peak {
+    force_n: f64,
+    time: i64,
+    point: DVec3,
+    force: DVec3,
+}
+
+/// Size of the force (N) or moment (N·m) at the port, now and at its largest.
+#[derive(Clone, Copy, Default)]
+struct Load {
+    now: f64,
+    peak: f64,
+    peak_time: i64,
+}
+
+impl Load {
+    fn set(&mut self, time: i64, now: f64) {
+        self.now = now;
+        if now > self.peak {
+            (self.peak, self.peak_time) = (now, time);
+        }
+    }
+}
+
+#[derive(Default)]
+struct Summary {
+    /// Pairs touching when last written.
+    touching: BTreeSet<usize>,
+    due: bool,
+    written: Option<i64>,
+    port_force: Load,
+    port_moment: Load,
+}
+
+/// Where the active side was touched, in `r3`, in segments so that a new point does not repeat all.
+#[derive(Default)]
+struct Trace {
+    cells: BTreeSet<([i64; 3], u32)>,
+    positions: Vec<[f32; 3]>,
+    colours: Vec<u32>,
+    rows: Points,
+    full: Vec<Points>,
+    segment: usize,
+}
+
+#[derive(Default)]
+struct Rows {
+    target: Poses,
+    ring: Poses,
+    legs: Legs,
+    latches: Points,
+    latch_states: [Texts; 3],
+    contacts: [ContactRows; 4],
+    peaks: Arrows,
+    labels: Labels,
+    table: Texts,
+    events: Texts,
+    curves: [Curves; CURVES.len()],
+}
+
+#[derive(Default)]
+struct ContactRows {
+    points: Spots,
+    normal: Arrows,
+    friction: Arrows,
+}
+
+/// Points of the present contacts; written when there are some, and once when they are gone.
+#[derive(Default)]
+struct Spots {
+    rows: Points,
+    positions: Vec<[f32; 3]>,
+    shown: bool,
+}
+
+impl Spots {
+    fn end_row(&mut self, time: i64, colour: u32) {
+        let n = self.positions.len();
+        if n > 0 || self.shown {
+            self.rows.push(time, &self.positions, &vec![colour; n]);
+        }
+        self.shown = n > 0;
+        self.positions.clear();
+    }
+}
+
+/// Plots, in the order of [`push_curves`].
+const CURVES: [&str; 10] = [
+    paths::PORT_FORCE,
+    paths::PORT_MOMENT,
+    paths::POSITION,
+    paths::ATTITUDE,
+    paths::VELOCITY,
+    paths::RATE,
+    paths::RING_DEFLECTION,
+    paths::RING_TILT,
+    paths::ENERGY,
+    paths::LATCH_GAP,
+];
+
+/// Values of the plots, in the order of [`CURVES`].
+fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars) {
+    let f = s.port_force_n;
+    let e = &s.energy;
+    let mm = s.latch_gap_m.map(|g| 1e3 * g);
+    let energies = [
+        e.kinetic_relative_j,
+        e.stored_j,
+        e.dissipated_friction_j,
+        e.dissipated_contact_j,
+        e.dissipated_attenuator_j,
+    ];
+    let values: [&[f64]; CURVES.len()] = [
+        &[f.x, f.y, f.z, s.contact_normal_sum_n],
+        &s.port_moment_nm.to_array(),
+        &s.relative_position_m.to_array(),
+        &s.relative_attitude_deg.to_array(),
+        &s.relative_velocity_m_s.to_array(),
+        &s.relative_rate_deg_s.to_array(),
+        &s.ring_deflection_mm.to_array(),
+        &s.ring_tilt_deg.to_array(),
+        &energies,
+        &mm,
+    ];
+    for (curve, v) in core::iter::zip(curves, values) {
+        curve.push(time, v);
+    }
+}
+
+impl SceneWriter {
+    /// Starts the recording and writes all that does not change. `pair_names[i]` names pair `i` of
+    /// the contacts, as in "active ring · passive petal 2"; how often a name says "petal", and
+    /// whether it says "latch", decides the colour. An existing file is replaced.
+    ///
+    /// # Errors
+    /// [`ViewError::Create`] when the file cannot be made, [`ViewError::Encode`] when rerun refuses
+    /// a part of the scene.
+    pub fn create(
+        path: &Path,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+    ) -> Result<Self, ViewError> {
+        let create = |source| ViewError::Create { path: path.to_owned(), source: Box::new(source) };
+        // Without `enabled` a variable of the environment could silently switch the recording off.
+        let rec = RecordingStreamBuilder::new(APPLICATION)
+            .recording_name(scene.scenario)
+            .enabled(true)
+            .save(path)
+            .map_err(create)?;
+        let m = scene.mechanism;
+        let eye = Eye::new(m);
+        blueprint::send(&rec, APPLICATION, &eye).map_err(|e| ViewError::encode("blueprint", e))?;
+        scene::log_static(&rec, scene).map_err(|e| ViewError::encode(paths::SCENE, e))?;
+        let pairs = pair_names.iter().map(|name| Pair {
+            name: name.clone(),
+            class: PairClass::of_name(name),
+            now_n: 0.0,
+            now_depth_m: 0.0,
+            now_point: DVec3::ZERO,
+            places: 0,
+            peak: None,
+            slot: None,
+        });
+        Ok(Self {
+            rec,
+            path: path.to_owned(),
+            x_chaser_port: scene.chaser.x_body_port,
+            x_target_port: scene.target.x_body_port,
+            legs: scene::legs(m),
+            latch_points: scene::latch_points(m).map(|p| p.map(f32x3)),
+            pairs: pairs.collect(),
+            slots: slots(&eye),
+            eye,
+            shown_latches: None,
+            summary: Summary { due: true, ..Summary::default() },
+            trace: Trace::default(),
+            rows: Rows::default(),
+            frames: 0,
+            last: 0,
+            x_3r: Pose::IDENTITY,
+        })
+    }
+
+    /// Records one instant.
+    ///
+    /// # Errors
+    /// [`ViewError::Frame`] with all problems of a frame that cannot be drawn (a pose or contact
+    /// that is not finite, a pair without a name, a latch state above 3); nothing of it is recorded
+    /// then. [`ViewError::Encode`] when rerun refuses the data.
+    pub fn frame(&mut self, f: &Frame<'_>) -> Result<(), ViewError> {
+        let time = self.check(f)?;
+        let x_3w = (f.x_world_chaser * self.x_chaser_port).inverse();
+        let x_3r = x_3w * f.x_world_ring;
+        (self.last, self.x_3r) = (time, x_3r);
+        self.rows.ring.push(time, &x_3r);
+        self.rows.target.push(time, &(x_3w * f.x_world_target * self.x_target_port));
+        if !self.legs.is_empty() {
+            let ends = self.legs.iter().map(|[a, b]| [*a, x_3r.transform_point(*b)]);
+            self.rows.legs.push(time, ends);
+        }
+        self.latches(time, f.latches);
+        self.contacts(time, f.contacts, &x_3w, &x_3r);
+        self.summary.port_force.set(time, f.scalars.port_force_n.length());
+        self.summary.port_moment.set(time, f.scalars.port_moment_nm.length());
+        self.summarise(time, &x_3r, false);
+        push_curves(&mut self.rows.curves, time, f.scalars);
+        self.frames += 1;
+        if self.frames >= BATCH { self.send() } else { Ok(()) }
+    }
+
+    /// Records an event; `kind` is shown in a column of its own ("contact", "latch", "outcome").
+    ///
+    /// # Errors
+    /// [`ViewError::Frame`] when the time is beyond what the viewer can show (292 years).
+    pub fn event(&mut self, time: SimTime, kind: &str, text: &str) -> Result<(), ViewError> {
+        let nanos = nanos(time).map_err(|p| frame_error(time, vec![p]))?;
+        self.last = self.last.max(nanos);
+        self.rows.events.push(nanos, kind, text.to_owned());
+        Ok(())
+    }
+
+    /// Writes what is left and closes the file.
+    ///
+    /// # Errors
+    /// [`ViewError::Write`] when the file could not be written to its end, [`ViewError::Encode`]
+    /// when rerun refuses the data.
+    pub fn finish(mut self) -> Result<(), ViewError> {
+        let x_3r = self.x_3r;
+        self.summarise(self.last, &x_3r, true);
+        self.send()?;
+        self.rec
+            .flush_blocking()
+            .map_err(|e| ViewError::Write { path: self.path.clone(), message: e.to_string() })?;
+        // Puts the table of contents at the end of the file and closes it.
+        self.rec.finalize_deferred_sinks();
+        Ok(())
+    }
+
+    /// Time of the frame in ns, if all of it can be drawn.
+    fn check(&self, f: &Frame<'_>) -> Result<i64, ViewError> {
+        let time = nanos(f.time);
+        let mut problems: Vec<String> = time.as_ref().err().cloned().into_iter().collect();
+        for (name, pose) in [
+            ("x_world_chaser", &f.x_world_chaser),
+            ("x_world_target", &f.x_world_target),
+            ("x_world_ring", &f.x_world_ring),
+        ] {
+            if !pose.is_finite() {
+                problems.push(format!("{name}: {:?} m, {:?} is not finite", pose.p, pose.q));
+            }
+        }
+        for (i, c) in f.contacts.iter().enumerate() {
+            if c.pair >= self.pairs.len() {
+                problems.push(format!(
+                    "contacts[{i}].pair: {}, but only {} pairs were named",
+                    c.pair,
+                    self.pairs.len()
+                ));
+            }
+            for (name, v, unit) in [
+                ("point_w_m", c.point_w_m, "m"),
+                ("normal_force_w_n", c.normal_force_w_n, "N"),
+                ("friction_w_n", c.friction_w_n, "N"),
+                ("depth_m", DVec3::splat(c.depth_m), "m"),
+            ] {
+                if !v.is_finite() {
+                    problems.push(format!("contacts[{i}].{name}: {v:?} {unit} is not finite"));
+                }
+            }
+        }
+        for (i, state) in f.latches.iter().enumerate() {
+            if usize::from(*state) >= style::LATCH_NAMES.len() {
+                problems.push(format!("latches[{i}]: {state}, allowed are 0 to 3"));
+            }
+        }
+        match time {
+            Ok(time) if problems.is_empty() => Ok(time),
+            _ => Err(frame_error(f.time, problems)),
+        }
+    }
+
+    /// Latches, written when one changes.
+    fn latches(&mut self, time: i64, states: [u8; 3]) {
+        let Some(points) = self.latch_points else { return };
+        let before = self.shown_latches.replace(states);
+        if before == Some(states) {
+            return;
+        }
+        let colours = states.map(|s| style::LATCH_COLOURS[usize::from(s)]);
+        self.rows.latches.push(time, &points, &colours);
+        for (i, state) in states.into_iter().enumerate() {
+            if before.map(|b| b[i]) != Some(state) {
+                let name = style::LATCH_NAMES[usize::from(state)];
+                self.rows.latch_states[i].push(time, "", name.to_owned());
+            }
+        }
+    }
+
+    /// Contact points, arrows, peaks and trace.
+    fn contacts(&mut self, time: i64, contacts: &[ContactArrow], x_3w: &Pose, x_3r: &Pose) {
+        for pair in &mut self.pairs {
+            (pair.now_n, pair.now_depth_m, pair.places) = (0.0, 0.0, 0);
+        }
+        let q_r3 = x_3r.q.conjugate();
+        let mut traced = false;
+        for c in contacts {
+            let pair = &mut self.pairs[c.pair];
+            let point = x_3w.transform_point(c.point_w_m);
+            let normal = x_3w.q * c.normal_force_w_n;
+            let friction = x_3w.q * c.friction_w_n;
+            let size = normal.length();
+            let point_r = x_3r.inverse_transform_point(point);
+            pair.places += 1;
+            if size >= pair.now_n {
+                (pair.now_n, pair.now_depth_m, pair.now_point) = (size, c.depth_m, point);
+            }
+            if pair.peak.is_none_or(|p| size > p.force_n) {
+                let force = q_r3 * normal;
+                pair.peak = Some(Peak { force_n: size, time, point: point_r, force });
+            }
+
+            let colour = pair.class.colour();
+            let rows = &mut self.rows.contacts[pair.class as usize];
+            rows.points.positions.push(f32x3(point));
+            rows.normal.add(point, normal * style::METRES_PER_NEWTON, colour);
+            if friction.length() >= FRICTION_FROM_N {
+                rows.friction.add(point, friction * style::METRES_PER_NEWTON, style::paled(colour));
+            }
+            traced |= self.trace.add(point_r, colour);
+        }
+        if traced {
+            self.trace.end_row(time);
+        }
+        for (class, rows) in core::iter::zip(PairClass::ALL, &mut self.rows.contacts) {
+            rows.points.end_row(time, class.colour());
+            rows.normal.end_row(time);
+            rows.friction.end_row(time);
+        }
+    }
+
+    /// Table, labels, and the peaks of pairs that do not touch now. Chattering contacts would write
+    /// them every millisecond: they wait, and come again at the end.
+    fn summarise(&mut self, time: i64, x_3r: &Pose, end: bool) {
+        let touching: BTreeSet<usize> =
+            (0..self.pairs.len()).filter(|i| self.pairs[*i].places > 0).collect();
+        let s = &mut self.summary;
+        s.due |= !touching.is_empty() || s.touching != touching;
+        if !s.due || (!end && s.written.is_some_and(|w| time - w < SUMMARY_PERIOD_NS)) {
+            return;
+        }
+        (s.touching, s.due, s.written) = (touching, false, Some(time));
+
+        for pair in self.pairs.iter_mut().filter(|p| p.places > 0 && p.slot.is_none()) {
+            pair.slot = take_slot(&mut self.slots, self.eye.seen_at(pair.now_point));
+        }
+        for pair in &self.pairs {
+            let Some(peak) = pair.peak else { continue };
+            let colour = pair.class.colour();
+            let (text, point, shade) = if pair.places > 0 {
+                (style::newtons(pair.now_n), pair.now_point, colour)
+            } else {
+                let shade = style::faded(colour, 0x90);
+                let arrow = peak.force * style::METRES_PER_NEWTON;
+                self.rows.peaks.add(peak.point, arrow, shade);
+                let text = format!("peak {}", style::newtons(peak.force_n));
+                (text, x_3r.transform_point(peak.point), shade)
+            };
+            if let Some(slot) = pair.slot {
+                let text = format!("{text}  {}", short(&pair.name));
+                self.rows.labels.add(text, self.slots[slot].point, point, shade);
+            }
+        }
+        self.rows.peaks.end_row(time);
+        self.rows.labels.end_row(time);
+
+        let mut order: Vec<&Pair> = self.pairs.iter().filter(|p| p.peak.is_some()).collect();
+        let peak = |p: &Pair| p.peak.map_or(0.0, |k| k.force_n);
+        order.sort_by(|a, b| peak(b).total_cmp(&peak(a)));
+        self.rows.table.push(time, "", table(time, &order, &self.summary));
+    }
+
+    /// Sends what was gathered.
+    fn send(&mut self) -> Result<(), ViewError> {
+        self.frames = 0;
+        let (rec, rows) = (&self.rec, &mut self.rows);
+        rows.target.send(rec, paths::TARGET)?;
+        rows.ring.send(rec, paths::ACTIVE)?;
+        rows.legs.send(rec, paths::LEGS, style::LEG)?;
+        rows.latches.send(rec, paths::LATCHES, Radius::new_scene_units(style::LATCH_RADIUS_M))?;
+        for (i, states) in rows.latch_states.iter_mut().enumerate() {
+            states.send_states(rec, &paths::latch_state(i))?;
+        }
+        for (class, c) in core::iter::zip(PairClass::ALL, &mut rows.contacts) {
+            let path = format!("{}/{}", paths::CONTACTS, class.key());
+            let radius = Radius::new_scene_units(0.016);
+            c.points.rows.send(rec, &format!("{path}/point"), radius)?;
+            c.normal.send(rec, &format!("{path}/normal"), 3.5)?;
+            c.friction.send(rec, &format!("{path}/friction"), 1.8)?;
+        }
+        rows.peaks.send(rec, paths::PEAKS, 1.5)?;
+        rows.labels.send(rec, paths::LABELS)?;
+        rows.table.send_markdown(rec, paths::TABLE)?;
+        rows.events.send_log(rec, paths::EVENTS)?;
+        for (curve, path) in core::iter::zip(&mut rows.curves, CURVES) {
+            curve.send(rec, path)?;
+        }
+        self.trace.send(rec)
+    }
+}
+
+impl Drop for SceneWriter {
+    fn drop(&mut self) {
+        // After `finish` nothing is left. Otherwise there is nobody to tell.
+        let _ = self.send();
+    }
+}
+
+impl Trace {
+    /// Adds a point in `r3`; false when there is one of that colour nearby.
+    fn add(&mut self, point: DVec3, colour: u32) -> bool {
+        let cell = (point / TRACE_CELL_M).round().to_array().map(|x| x as i64);
+        if !self.cells.insert((cell, colour)) {
+            return false;
+        }
+        self.positions.push(f32x3(point));
+        self.colours.push(colour);
+        true
+    }
+
+    fn end_row(&mut self, time: i64) {
+        self.rows.push(time, &self.positions, &self.colours);
+        if self.positions.len() >= TRACE_SEGMENT {
+            self.positions.clear();
+            self.colours.clear();
+            self.full.push(core::mem::take(&mut self.rows));
+        }
+    }
+
+    fn send(&mut self, rec: &RecordingStream) -> Result<(), ViewError> {
+        let path = |segment| format!("{}/{segment:03}", paths::TRACE);
+        let radius = Radius::new_scene_units(0.004);
+        for mut rows in self.full.drain(..) {
+            rows.send(rec, &path(self.segment), radius)?;
+            self.segment += 1;
+        }
+        self.rows.send(rec, &path(self.segment), radius)
+    }
+}
+
+/// The free place nearest in height on the same side, or else on the other.
+fn take_slot(slots: &mut [Slot], [x, y]: [f64; 2]) -> Option<usize> {
+    let far = |s: &Slot| (s.seen_at[1] - y).abs() + if s.seen_at[0] * x < 0.0 { 2.0 } else { 0.0 };
+    let free = slots.iter().enumerate().filter(|(_, s)| !s.taken);
+    let (i, _) = free.min_by(|a, b| far(a.1).total_cmp(&far(b.1)))?;
+    slots[i].taken = true;
+    Some(i)
+}
+
+fn nanos(time: SimTime) -> Result<i64, String> {
+    i64::try_from(time.nanos())
+        .map_err(|_| format!("time: {} ns, the viewer shows up to {} ns", time.nanos(), i64::MAX))
+}
+
+fn frame_error(time: SimTime, problems: Vec<String>) -> ViewError {
+    ViewError::Frame { time_s: time.seconds(), problems }
+}
+
+/// "A ring · P petal 2": short enough for a label in the scene.
+fn short(name: &str) -> String {
+    name.replace("active ", "A ").replace("passive ", "P ")
+}
+
+fn seconds(time: i64) -> f64 {
+    SimTime::from_nanos(time.unsigned_abs()).seconds()
+}
+
+/// Markdown: loads at the port and every pair that ever touched, the strongest first.
+fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
+    let touching = order.iter().filter(|p| p.places > 0).count();
+    let touch = match touching {
+        0 => "no surfaces touch".to_owned(),
+        1 => "1 pair of surfaces touches".to_owned(),
+        n => format!("{n} pairs of surfaces touch"),
+    };
+    let mut t = format!("**At {:.3} s {touch}.** ", seconds(time));
+    // Writing to a string cannot fail.
+    for (name, load, unit) in
+        [("Force", summary.port_force, "N"), ("Moment", summary.port_moment, "N·m")]
+    {
+        let (now, peak, at) = (load.now, load.peak, seconds(load.peak_time));
+        let _ = write!(t, "{name} at e3 {now:.0} {unit} (peak {peak:.0} {unit} at {at:.3} s). ");
+    }
+    t.push_str("\n\n");
+    if order.is_empty() {
+        t.push_str("No contact so far.\n");
+        return t;
+    }
+    t.push_str(
+        "| pair | class | now | depth | places | peak | at |\n|---|---|---|---|---|---|---|\n",
+    );
+    for p in order.iter().take(SUMMARY_ROWS) {
+        let now = if p.places > 0 {
+            let (force, depth_mm) = (style::newtons(p.now_n), 1e3 * p.now_depth_m);
+            format!("**{force}** | {depth_mm:.2} mm | {}", p.places)
+        } else {
+            "– | – | –".to_owned()
+        };
+        if let Some(k) = p.peak {
+            let (class, peak, at) = (p.class.name(), style::newtons(k.force_n), seconds(k.time));
+            let _ = writeln!(t, "| {} | {class} | {now} | {peak} | {at:.3} s |", p.name);
+        }
+    }
+    if order.len() > SUMMARY_ROWS {
+        let _ = writeln!(t, "\nand {} weaker pairs.", order.len() - SUMMARY_ROWS);
+    }
+    t.push_str(
+        "\nNormal force at the strongest place of each pair. Arrows: force on the active side, \
+         0.5 m = 3 kN. A: active, orange; P: passive, blue.\n",
+    );
+    t
+}

@@ -1,0 +1,193 @@
+//! What is written can be read again.
+
+#[path = "../examples/synthetic/mod.rs"]
+mod synthetic;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use docktwin_core::{DVec3, Pose, SimTime};
+use docktwin_view::{ContactArrow, Frame, Scalars, SceneModel, SceneWriter, ViewError};
+use rerun::external::re_log_encoding::DecoderApp;
+use rerun::external::re_log_types::LogMsg;
+use rerun::log::Chunk;
+
+fn file(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+/// Rows of each entity of the recording (not of its blueprint), by rerun's own decoder.
+fn read(path: &PathBuf) -> BTreeMap<String, Vec<Chunk>> {
+    let reader = std::io::BufReader::new(std::fs::File::open(path).expect("the file exists"));
+    let mut entities = BTreeMap::<String, Vec<Chunk>>::new();
+    for message in DecoderApp::decode_eager(reader).expect("rerun opens it") {
+        if let LogMsg::ArrowMsg(store, message) = message.expect("every message is whole")
+            && store.is_recording()
+        {
+            let chunk = Chunk::from_arrow_msg(&message).expect("a chunk");
+            entities.entry(chunk.entity_path().to_string()).or_default().push(chunk);
+        }
+    }
+    entities
+}
+
+fn rows(entities: &BTreeMap<String, Vec<Chunk>>, path: &str) -> usize {
+    entities.get(path).map_or(0, |chunks| chunks.iter().map(Chunk::num_rows).sum())
+}
+
+#[test]
+fn invariant_a_recording_opens_and_holds_every_frame() {
+    let path = file("opens.rrd");
+    let (frames, _) = synthetic::write(&path, 4.0).expect("written");
+    let entities = read(&path);
+    for (entity, want) in [
+        ("/scene/target", frames),
+        ("/scene/active_ring", frames),
+        ("/scene/attenuator_legs", frames),
+        ("/scene/active_ring/ring", 1),
+        ("/scene/active_ring/petal_2", 1),
+        ("/scene/target/passive_ring/petal_0", 1),
+    ] {
+        assert_eq!(rows(&entities, entity), want, "{entity}");
+    }
+    // Curves have one static row more: names and colours.
+    for curve in ["/port/force", "/relative/rate", "/energy", "/latch/gap"] {
+        assert_eq!(rows(&entities, curve), frames + 1, "{curve}");
+    }
+    assert!(rows(&entities, "/scene/contacts/petal_ring/normal") > 10);
+    assert!(rows(&entities, "/events") > 0);
+    for chunk in entities.values().flatten().filter(|c| !c.is_static()) {
+        let timelines: Vec<_> = chunk.timelines().keys().map(|t| t.as_str().to_owned()).collect();
+        assert_eq!(timelines, ["sim_time"], "{}", chunk.entity_path());
+    }
+}
+
+struct Rig {
+    chaser: docktwin_model::Spacecraft,
+    target: docktwin_model::Spacecraft,
+    mechanism: docktwin_model::DockingMechanism,
+}
+
+impl Rig {
+    fn new() -> Self {
+        Self {
+            chaser: synthetic::chaser(),
+            target: synthetic::target(),
+            mechanism: synthetic::mechanism(),
+        }
+    }
+
+    fn writer(&self, path: &std::path::Path) -> Result<SceneWriter, ViewError> {
+        let scene = SceneModel {
+            scenario: "test",
+            chaser: &self.chaser,
+            target: &self.target,
+            mechanism: &self.mechanism,
+        };
+        SceneWriter::create(path, &scene, &synthetic::pair_names())
+    }
+}
+
+fn frame<'a>(nanos: u64, contacts: &'a [ContactArrow], scalars: &'a Scalars) -> Frame<'a> {
+    Frame {
+        time: SimTime::from_nanos(nanos),
+        x_world_chaser: Pose::IDENTITY,
+        x_world_target: Pose::from_translation(DVec3::X * 8.5),
+        x_world_ring: Pose::from_translation(DVec3::X * 3.8),
+        contacts,
+        latches: [0; 3],
+        scalars,
+    }
+}
+
+const CONTACT: ContactArrow = ContactArrow {
+    pair: 1,
+    point_w_m: DVec3::new(3.8, 0.6, 0.0),
+    normal_force_w_n: DVec3::new(-1900.0, 0.0, 0.0),
+    friction_w_n: DVec3::ZERO,
+    depth_m: 0.0019,
+};
+
+#[test]
+fn oracle_arrows_are_drawn_in_e3_at_half_a_metre_for_three_kilonewtons() {
+    let path = file("arrows.rrd");
+    let rig = Rig::new();
+    let mut writer = rig.writer(&path).expect("created");
+    let scalars = Scalars::default();
+    // The vehicles drift and turn as one; the drawing must not notice.
+    let drift = Pose::new(DVec3::new(7.0, -3.0, 2.0), docktwin_core::DQuat::from_rotation_y(1.1));
+    let still = frame(0, &[], &scalars);
+    let contact = ContactArrow {
+        point_w_m: drift.transform_point(CONTACT.point_w_m),
+        normal_force_w_n: drift.q * CONTACT.normal_force_w_n,
+        ..CONTACT
+    };
+    let moved = Frame {
+        x_world_chaser: drift * still.x_world_chaser,
+        x_world_target: drift * still.x_world_target,
+        x_world_ring: drift * still.x_world_ring,
+        contacts: &[contact],
+        ..still
+    };
+    writer.frame(&moved).expect("recorded");
+    writer.frame(&frame(10_000_000, &[], &scalars)).expect("recorded");
+    writer.frame(&frame(20_000_000, &[], &scalars)).expect("recorded");
+    writer.finish().expect("closed");
+
+    let entities = read(&path);
+    let normal = "/scene/contacts/petal_ring/normal";
+    assert_eq!(rows(&entities, normal), 2, "once there, once gone, then silence");
+    let chunk = &entities[normal][0];
+    let read = |part: rerun::ComponentDescriptor| {
+        chunk.iter_slices::<[f32; 3]>(part.component).map(<[_]>::to_vec).collect::<Vec<_>>()
+    };
+    let vectors = read(rerun::Arrows3D::descriptor_vectors());
+    let origins = read(rerun::Arrows3D::descriptor_origins());
+    let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    assert!(near(vectors[0][0], [-1900.0 * 0.5 / 3000.0, 0.0, 0.0]), "{vectors:?}");
+    // e3 is 3.5 m in front of the chaser's mass centre.
+    assert!(near(origins[0][0], [0.3, 0.6, 0.0]), "{origins:?}");
+    assert!(vectors[1].is_empty());
+}
+
+#[test]
+fn invariant_all_problems_of_a_frame_are_named_and_the_recording_goes_on() {
+    let path = file("problems.rrd");
+    let rig = Rig::new();
+    let mut writer = rig.writer(&path).expect("created");
+    let scalars = Scalars::default();
+    let bad = ContactArrow { pair: 99, depth_m: f64::NAN, ..CONTACT };
+    let contacts = [bad];
+    let mut f = frame(1_000_000, &contacts, &scalars);
+    f.x_world_ring.p.y = f64::INFINITY;
+    f.latches[2] = 4;
+    let message = writer.frame(&f).expect_err("refused").to_string();
+    for part in
+        ["0.001 s", "x_world_ring", "contacts[0].pair: 99", "contacts[0].depth_m", "latches[2]: 4"]
+    {
+        assert!(message.contains(part), "{part} is not in: {message}");
+    }
+    writer.frame(&frame(2_000_000, &[CONTACT], &scalars)).expect("recorded");
+    writer.finish().expect("closed");
+    assert_eq!(rows(&read(&path), "/scene/active_ring"), 1);
+}
+
+#[test]
+fn invariant_a_dropped_writer_leaves_what_it_was_given() {
+    let path = file("dropped.rrd");
+    let scalars = Scalars::default();
+    let mut writer = Rig::new().writer(&path).expect("created");
+    writer.frame(&frame(0, &[CONTACT], &scalars)).expect("recorded");
+    drop(writer);
+    assert_eq!(rows(&read(&path), "/scene/active_ring"), 1);
+}
+
+#[test]
+fn invariant_a_path_that_cannot_be_written_is_an_error() {
+    let path = file("no such directory").join("run.rrd");
+    let Err(e) = Rig::new().writer(&path) else {
+        panic!("created in a directory that is not there")
+    };
+    assert!(matches!(e, ViewError::Create { .. }), "{e}");
+    assert!(e.to_string().contains("run.rrd"), "{e}");
+}

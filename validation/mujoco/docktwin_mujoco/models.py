@@ -1,0 +1,209 @@
+"""URDF and TOML to numbers, read without the Rust side.
+
+A number in a TOML file is `{ value = ..., source|assumed = "..." }`; angles are degrees in files
+and radians here. Only what the cross-check needs is read.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .contact import Side
+from .law import ContactLaw, Friction, HuntCrossley, KelvinVoigt
+
+
+@dataclass(frozen=True)
+class Spacecraft:
+    """A rigid body; its frame stands at its mass centre."""
+
+    name: str
+    mass_kg: float
+    inertia_kg_m2: np.ndarray
+    r_body_port: np.ndarray
+    p_body_port_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class Petals:
+    """As `[petals]` of a mechanism file."""
+
+    count: int
+    first_azimuth_rad: float
+    base_radius_m: float
+    tip_radius_m: float
+    height_m: float
+    base_half_angle_rad: float
+    tip_half_angle_rad: float
+    thickness_m: float
+    flexural_rigidity_n_m2: float
+
+
+@dataclass(frozen=True)
+class RingBody:
+    """The active ring with its petals and latches, in the active ring frame."""
+
+    mass_kg: float
+    inertia_kg_m2: np.ndarray
+    com_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Both sides, their placement on the mounting planes, and the law between them."""
+
+    active: Side
+    passive: Side
+    ring_body: RingBody
+    r_mount_active: np.ndarray
+    p_mount_active_m: np.ndarray
+    r_mount_passive: np.ndarray
+    p_mount_passive_m: np.ndarray
+    law: ContactLaw
+
+
+def rotation_rpy(rpy) -> np.ndarray:
+    """URDF's fixed-axis roll, pitch, yaw: Rz(yaw) Ry(pitch) Rx(roll)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
+    rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return rz @ ry @ rx
+
+
+def _origin(element):
+    o = None if element is None else element.find("origin")
+    if o is None:
+        return np.eye(3), np.zeros(3)
+    xyz = np.array([float(x) for x in o.get("xyz", "0 0 0").split()])
+    rpy = np.array([float(x) for x in o.get("rpy", "0 0 0").split()])
+    return rotation_rpy(rpy), xyz
+
+
+def _inertial(link):
+    """Mass, mass centre and inertia about it in the axes of the link."""
+    el = link.find("inertial")
+    r, p = _origin(el)
+    i = {k: float(v) for k, v in el.find("inertia").attrib.items()}
+    m = np.array(
+        [
+            [i["ixx"], i.get("ixy", 0.0), i.get("ixz", 0.0)],
+            [i.get("ixy", 0.0), i["iyy"], i.get("iyz", 0.0)],
+            [i.get("ixz", 0.0), i.get("iyz", 0.0), i["izz"]],
+        ]
+    )
+    return float(el.find("mass").get("value")), p, r @ m @ r.T
+
+
+def _pose_in_root(robot, link: str):
+    """Root link and the pose of `link` in it, every joint at zero."""
+    parents = {
+        j.find("child").get("link"): (j.find("parent").get("link"), _origin(j))
+        for j in robot.findall("joint")
+    }
+    r, p = np.eye(3), np.zeros(3)
+    while link in parents:
+        link, (r_j, p_j) = parents[link]
+        r, p = r_j @ r, r_j @ p + p_j
+    return link, r, p
+
+
+def _robot(path: Path):
+    robot = ET.parse(path).getroot()
+    return robot, {link.get("name"): link for link in robot.findall("link")}
+
+
+def _toml(path: Path) -> dict:
+    with path.open("rb") as f:
+        return tomllib.load(f)
+
+
+def _value(entry):
+    """The number of an entry, with or without its note."""
+    return entry["value"] if isinstance(entry, dict) and "value" in entry else entry
+
+
+def _get(table: dict, key: str):
+    return _value(table[key])
+
+
+def read_spacecraft(urdf: Path) -> Spacecraft:
+    """A spacecraft from its URDF and the TOML beside it."""
+    robot, links = _robot(urdf)
+    beside = _toml(urdf.with_suffix(".toml"))
+    root, r, p = _pose_in_root(robot, _value(beside.get("port_link", "port")))
+    heavy = [n for n, link in links.items() if link.find("inertial") is not None]
+    if heavy != [root]:
+        raise ValueError(f"one inertial, on the root link {root}, expected; found {heavy}: {urdf}")
+    mass, com, inertia = _inertial(links[root])
+    return Spacecraft(robot.get("name"), mass, inertia, r, p - com)
+
+
+def _side(table: dict) -> Side:
+    ring = table["ring"]
+    petals = table.get("petals")
+    if petals is not None:
+        petals = Petals(
+            count=int(_get(petals, "count")),
+            first_azimuth_rad=math.radians(_get(petals, "first_azimuth_deg")),
+            base_radius_m=_get(petals, "base_radius_m"),
+            tip_radius_m=_get(petals, "tip_radius_m"),
+            height_m=_get(petals, "height_m"),
+            base_half_angle_rad=math.radians(_get(petals, "base_half_angle_deg")),
+            tip_half_angle_rad=math.radians(_get(petals, "tip_half_angle_deg")),
+            thickness_m=_get(petals, "thickness_m"),
+            flexural_rigidity_n_m2=_get(petals, "flexural_rigidity_n_m2"),
+        )
+    return Side(_get(ring, "mean_radius_m"), _get(ring, "section_radius_m"), petals)
+
+
+def _law(table: dict) -> ContactLaw:
+    kind = _get(table, "normal_law")
+    k = _get(table, "stiffness_n_m")
+    if kind == "hunt_crossley":
+        normal = HuntCrossley(k, float(_get(table, "exponent")), _get(table, "damping_s_m"))
+    elif kind == "kelvin_voigt":
+        normal = KelvinVoigt(k, _get(table, "damping_n_s_m"))
+    else:
+        raise ValueError(f"unknown normal_law {kind!r}: hunt_crossley or kelvin_voigt")
+    friction = Friction(
+        kinetic=_get(table, "friction_kinetic"),
+        static=_get(table, "friction_static"),
+        stribeck_velocity_m_s=_get(table, "stribeck_velocity_m_s"),
+        bristle_breakaway_m=_get(table, "bristle_breakaway_m"),
+        bristle_damping_s=_get(table, "bristle_damping_s"),
+    )
+    return ContactLaw(
+        normal,
+        friction if friction.kinetic > 0.0 or friction.static > 0.0 else None,
+        _get(table, "merge_depth_m"),
+    )
+
+
+def read_mechanism(active_urdf: Path, passive_urdf: Path) -> Mechanism:
+    """Both sides of a mechanism; placements come from the URDF and must agree with the TOML."""
+    a, b = _toml(active_urdf.with_suffix(".toml")), _toml(passive_urdf.with_suffix(".toml"))
+    (robot_a, links_a), (robot_b, _) = _robot(active_urdf), _robot(passive_urdf)
+    _, r_a, p_a = _pose_in_root(robot_a, "ring")
+    _, r_b, p_b = _pose_in_root(robot_b, "ring")
+    offsets = (
+        (p_a[0], _get(a["placement"], "ring_rest_offset_m"), active_urdf),
+        (-p_b[0], _get(b["placement"], "passive_ring_offset_m"), passive_urdf),
+    )
+    for got, want, path in offsets:
+        if abs(got - want) > 1e-12:
+            raise ValueError(f"ring at {got} m in the URDF, {want} m in the TOML: {path}")
+    mass, com, inertia = _inertial(links_a["ring"])
+    body = a["ring_body"]
+    if abs(mass - _get(body, "mass_kg")) > 1e-12 * mass or np.abs(
+        inertia - np.array(_get(body, "inertia_kg_m2"))
+    ).max() > 1e-12 * np.abs(inertia).max():
+        raise ValueError(f"ring masses of URDF and TOML differ: {active_urdf}")
+    return Mechanism(
+        _side(a), _side(b), RingBody(mass, inertia, com), r_a, p_a, r_b, p_b, _law(a["contact"])
+    )

@@ -1,0 +1,70 @@
+"""Shared by all checks: paths, the figures table, and docktwin as a subprocess."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+_FIGURES: list[str] = []
+
+
+@pytest.fixture
+def figure(request):
+    """Records one line of measured figures for the table at the end of the run."""
+
+    def record(line: str) -> None:
+        name = request.node.name.removeprefix("test_")
+        _FIGURES.append(f"{name}: {line}")
+
+    return record
+
+
+@pytest.fixture(scope="session")
+def models() -> Path:
+    """Where the URDF and TOML files stand."""
+    return ROOT / "models" / "urdf"
+
+
+@pytest.fixture(scope="session")
+def rehearse(tmp_path_factory):
+    """Runs `docktwin rehearse` on a scenario; gives (scenario path, summary, telemetry columns)."""
+    binary = os.environ.get("DOCKTWIN_BIN")
+    if not binary:
+        pytest.skip("DOCKTWIN_BIN is not set: name the docktwin binary to compare with it")
+    binary = str(Path(binary).resolve())
+    if not Path(binary).is_file():
+        pytest.fail(f"no docktwin binary, build it with `cargo build -p docktwin`: {binary}")
+
+    def run(scenario: str, *overrides: str):
+        import pyarrow.parquet as pq
+
+        path = ROOT / "scenarios" / f"{scenario}.toml"
+        out = tmp_path_factory.mktemp(scenario)
+        command = [binary, "rehearse", str(path), "--out", str(out), "--json"]
+        for item in overrides:
+            command += ["--set", item]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+        # 1 is a run that ended otherwise than expected: the physics is still there to compare.
+        if done.returncode not in (0, 1):
+            pytest.fail(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+        summary = json.loads((out / "summary.json").read_text())
+        table = pq.read_table(out / "telemetry.parquet")
+        columns = {
+            name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names
+        }
+        return path, summary, columns
+
+    return run
+
+
+def pytest_terminal_summary(terminalreporter):
+    """The figures measured, one line a check."""
+    if _FIGURES:
+        terminalreporter.section("measured")
+        for line in _FIGURES:
+            terminalreporter.write_line(line)
