@@ -1,2 +1,73 @@
-//! Tasks.
-fn main() {}
+//! Tasks of the project: `cargo xtask test`, `cargo xtask meshes`, `cargo xtask docs`.
+
+mod gate;
+mod scenarios;
+mod shell;
+mod validation;
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::{Parser, Subcommand};
+
+/// Tasks of the docktwin project.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", max_term_width = 100, after_help = EXAMPLES)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cargo xtask test      before every push; .ci/run calls exactly this
+  cargo xtask meshes    after a change of a ring, a petal or a hull under models/urdf
+  cargo xtask docs      the public API, as HTML under target/doc";
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Everything CI checks: format, lints, docs, tests, every scenario, replay, MuJoCo
+    ///
+    /// Stops at the first step that fails. The last line counts the steps: `N passed, N failed`.
+    Test,
+    /// Write meshes/ again from the parameters of the models
+    Meshes,
+    /// Build the documentation of the public API, warnings denied
+    Docs,
+}
+
+fn main() -> ExitCode {
+    let root = root();
+    let done = match Cli::parse().task {
+        Task::Test => return gate::run(&root),
+        Task::Meshes => meshes(&root),
+        Task::Docs => gate::docs(&root).map(|()| {
+            println!("open {}", root.join("target/doc/docktwin/index.html").display());
+        }),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("{what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The repository: the folder above this package.
+fn root() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().unwrap_or(here).to_owned()
+}
+
+fn meshes(root: &Path) -> Result<(), String> {
+    let written = docktwin_model::mesh::write_all(&root.join("models/urdf"), &root.join("meshes"))
+        .map_err(|e| e.to_string())?;
+    for path in &written {
+        println!("{}", path.strip_prefix(root).unwrap_or(path).display());
+    }
+    println!("{} meshes written", written.len());
+    Ok(())
+}

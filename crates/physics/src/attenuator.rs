@@ -82,8 +82,8 @@ fn channel(
     damping_phase: f64,
     h: f64,
 ) -> ChannelForce {
-    let damping =
-        c.damping.before_capture + (c.damping.after_capture - c.damping.before_capture) * damping_phase;
+    let damping = c.damping.before_capture
+        + (c.damping.after_capture - c.damping.before_capture) * damping_phase;
     let spring = |e: DVec3| {
         let size = e.length();
         let unit = if size > 1e-15 { e / size } else { DVec3::ZERO };
@@ -294,9 +294,8 @@ fn differential(
     let mut out = AttenuatorForce { next: *state, ..AttenuatorForce::default() };
     let mut leg_force = [0.0; 6];
     for (row, c) in m.channels.iter().enumerate() {
-        let along = |x: &dyn Fn(usize) -> f64| -> f64 {
-            (0..6).map(|i| m.coupling[row][i] * x(i)).sum()
-        };
+        let along =
+            |x: &dyn Fn(usize) -> f64| -> f64 { (0..6).map(|i| m.coupling[row][i] * x(i)).sum() };
         let (x, v) = (along(&|i| legs[i].0), along(&|i| rates[i]));
         let part = channel(c, &state.channels[row], X * x, X * v, phase, h);
         out.lost_w += part.lost_w;
@@ -376,12 +375,16 @@ mod tests {
         // ψ' by differentiating R(t) = exp([ω t]×) R0 numerically.
         let psi = DVec3::new(0.1, -0.2, 0.15);
         let w = DVec3::new(0.3, 0.5, -0.4);
-        let at = |t: f64| (DQuat::from_scaled_axis(w * t) * DQuat::from_scaled_axis(psi)).to_scaled_axis();
+        let at = |t: f64| {
+            (DQuat::from_scaled_axis(w * t) * DQuat::from_scaled_axis(psi)).to_scaled_axis()
+        };
         let h = 1e-5;
         let want = (at(h) - at(-h)) / (2.0 * h);
         assert!((left_jacobian_inverse(psi) * w - want).length() < 1e-9);
         let small = psi * 1e-4;
-        let at = |t: f64| (DQuat::from_scaled_axis(w * t) * DQuat::from_scaled_axis(small)).to_scaled_axis();
+        let at = |t: f64| {
+            (DQuat::from_scaled_axis(w * t) * DQuat::from_scaled_axis(small)).to_scaled_axis()
+        };
         let want = (at(h) - at(-h)) / (2.0 * h);
         assert!((left_jacobian_inverse(small) * w - want).length() < 1e-9);
     }
@@ -389,7 +392,8 @@ mod tests {
     #[test]
     fn oracle_curve_and_its_area() {
         let c = PiecewiseCurve { points: vec![[0.0, 0.0], [1.0, 2.0], [3.0, 3.0]] };
-        let close = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() < 1e-12 && (a.1 - b.1).abs() < 1e-12;
+        let close =
+            |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() < 1e-12 && (a.1 - b.1).abs() < 1e-12;
         assert!(close(curve(&c, 0.5), (1.0, 0.25)));
         assert!(close(curve(&c, 2.0), (2.5, 1.0 + 2.25)));
         assert!(close(curve(&c, 5.0), (4.0, 1.0 + 5.0 + 7.0)));

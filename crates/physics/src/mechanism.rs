@@ -220,7 +220,8 @@ impl System {
     /// Puts checked models together.
     #[must_use]
     pub fn new(chaser: &Spacecraft, target: &Spacecraft, mechanism: DockingMechanism) -> Self {
-        let ring = MassProperties::new(mechanism.ring_body.mass_kg, mechanism.ring_body.inertia_kg_m2);
+        let ring =
+            MassProperties::new(mechanism.ring_body.mass_kg, mechanism.ring_body.inertia_kg_m2);
         let mut c = MassProperties::new(chaser.mass_kg, chaser.inertia_kg_m2);
         let t = MassProperties::new(target.mass_kg, target.inertia_kg_m2);
         let ring_com = mechanism.ring_body.com_m;
@@ -318,12 +319,8 @@ impl System {
         } else {
             self.scene.measure(&state.contact, poses.x_wr, poses.x_wp)
         };
-        let latches = self
-            .mechanism
-            .latches
-            .as_ref()
-            .map(|l| self.latch_gaps(l, x_rp))
-            .unwrap_or_default();
+        let latches =
+            self.mechanism.latches.as_ref().map(|l| self.latch_gaps(l, x_rp)).unwrap_or_default();
         Measured {
             contacts,
             attenuator: AttenuatorGeometry::new(
@@ -367,10 +364,8 @@ impl System {
         h: f64,
     ) -> Forces {
         let about = m.poses.x_wr.p;
-        let at = |i: usize| Twist {
-            v: twist[i].v + twist[i].w.cross(about - com[i]),
-            w: twist[i].w,
-        };
+        let at =
+            |i: usize| Twist { v: twist[i].v + twist[i].w.cross(about - com[i]), w: twist[i].w };
         let (c, r, t) = (at(CHASER), at(RING), at(TARGET));
         let mut out = Forces::default();
         match &state.joint {
@@ -439,7 +434,11 @@ impl System {
     #[must_use]
     pub fn stored_energy(&self, m: &Measured, state: &MechanismState) -> f64 {
         self.interface_energy(m, state)
-            + attenuator::stored_energy(&self.mechanism.attenuator, &m.attenuator, &state.attenuator)
+            + attenuator::stored_energy(
+                &self.mechanism.attenuator,
+                &m.attenuator,
+                &state.attenuator,
+            )
     }
 
     fn interface_energy(&self, m: &Measured, state: &MechanismState) -> f64 {
@@ -604,5 +603,17 @@ impl System {
     /// `e4` in a frame at the passive ring's centre with the axes of `e4`.
     pub(crate) fn passive_ring_inverse(&self) -> Pose {
         Pose::from_translation(-self.x_4r4.p)
+    }
+}
+
+impl System {
+    /// How far the attenuator is pushed beyond its travel, m; rotations count at the ring radius.
+    #[must_use]
+    pub fn overtravel_m(&self, m: &Measured) -> f64 {
+        attenuator::overtravel(
+            &self.mechanism.attenuator,
+            &m.attenuator,
+            self.mechanism.active.ring.mean_radius_m,
+        )
     }
 }

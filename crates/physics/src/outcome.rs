@@ -172,9 +172,10 @@ impl Monitor {
             ("depth_m", l.depth_m, o.depth_m),
             ("overtravel_m", l.overtravel_m, o.overtravel_m),
         ];
-        self.limit = checks.into_iter().find(|(_, limit, reached)| reached > limit).map(
-            |(name, limit, reached)| LimitPassed { name, limit, reached, time_s: o.time_s },
-        );
+        self.limit = checks
+            .into_iter()
+            .find(|(_, limit, reached)| reached > limit)
+            .map(|(name, limit, reached)| LimitPassed { name, limit, reached, time_s: o.time_s });
     }
 
     /// Whether nothing that can still happen would change the outcome.
@@ -202,10 +203,18 @@ impl Monitor {
                 || "latched to the end of the scenario, attenuation not ended".to_owned(),
                 |s| format!("relative motion below the threshold since {s:.3} s"),
             );
-            return of(Outcome::Captured, t, format!("all three latches caught at {t:.3} s; {how}"));
+            return of(
+                Outcome::Captured,
+                t,
+                format!("all three latches caught at {t:.3} s; {how}"),
+            );
         }
         if let Some(t) = self.jammed_s {
-            return of(Outcome::Jammed, t, format!("{} of 3 latches caught, and no further", self.latched));
+            return of(
+                Outcome::Jammed,
+                t,
+                format!("{} of 3 latches caught, and no further", self.latched),
+            );
         }
         if self.separated_s.is_none() && self.jam_since_s.is_some() {
             return of(
@@ -215,15 +224,26 @@ impl Monitor {
             );
         }
         if !self.guided {
-            let touch = if self.first_contact_s.is_some() { "touched outside" } else { "never touched; closest outside" };
+            let touch = if self.first_contact_s.is_some() {
+                "touched outside"
+            } else {
+                "never touched; closest outside"
+            };
             return of(
                 Outcome::Missed,
                 self.last_contact_s.unwrap_or(now_s),
-                format!("{touch} the guided zone: centres {:.3} m apart sideways", self.offset_at_closest_m),
+                format!(
+                    "{touch} the guided zone: centres {:.3} m apart sideways",
+                    self.offset_at_closest_m
+                ),
             );
         }
         if let (Some(t), true) = (self.separated_s, self.touched_guided) {
-            return of(Outcome::Rebounded, t, "separated, opening, beyond the petal height".to_owned());
+            return of(
+                Outcome::Rebounded,
+                t,
+                "separated, opening, beyond the petal height".to_owned(),
+            );
         }
         if self.touched_guided {
             return of(

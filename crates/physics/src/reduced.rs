@@ -4,7 +4,7 @@
 //! symplectic for the conservative part); the body programme alone is of fourth order (see
 //! [`crate::body`]). Kicks are equal and opposite at one point, so momentum is kept to rounding.
 
-use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 
 use crate::{
     body::BodyState,
@@ -31,6 +31,9 @@ pub struct DockingState {
     pub step: u64,
     /// Work done by the control wrenches, J.
     pub work_in_j: f64,
+    /// Linear impulse of the control wrenches (N·s) and their angular impulse about the world's
+    /// origin (N·m·s).
+    pub impulse_in: Wrench,
     /// Largest force between the sides in any step, N.
     pub peak_force_n: f64,
     /// Largest moment between the sides about the ring centre in any step, N·m.
@@ -52,6 +55,7 @@ impl DockingState {
             mechanism: MechanismState::default(),
             step: 0,
             work_in_j: 0.0,
+            impulse_in: Wrench::ZERO,
             peak_force_n: 0.0,
             peak_moment_nm: 0.0,
             peak_depth_m: 0.0,
@@ -87,8 +91,23 @@ impl DockingState {
         h.finish()
     }
 
-    /// Keeps the running maxima and the impulse of one kick. `time_s` is the middle of the step.
-    pub fn note(&mut self, measured: &Measured, kick: &Kick, time_s: f64, h: f64) {
+    /// Keeps the account of the control wrenches `external` (about the mass centres `com`, world
+    /// axes), the running maxima and the impulse of one kick. `time_s` is the middle of the step.
+    pub fn note(
+        &mut self,
+        measured: &Measured,
+        com: &[DVec3; 3],
+        external: &[Wrench; 3],
+        kick: &Kick,
+        time_s: f64,
+        h: f64,
+    ) {
+        for i in [CHASER, TARGET] {
+            let (w, mid) = (&external[i], &kick.mid[i]);
+            self.work_in_j += h * (w.f.dot(mid.v) + w.m.dot(mid.w));
+            self.impulse_in.push(com[i], w.f * h);
+            self.impulse_in.m += w.m * h;
+        }
         let force = kick.forces.on_target.f.length();
         self.peak_force_n = self.peak_force_n.max(force);
         self.peak_moment_nm = self.peak_moment_nm.max(kick.forces.on_target.m.length());
@@ -186,12 +205,8 @@ impl System {
             h,
             |i, w| state.bodies[i].kick_response(&mass[i], w, h),
         );
-        for i in [CHASER, TARGET] {
-            state.work_in_j +=
-                h * (external[i].f.dot(kick.mid[i].v) + external[i].m.dot(kick.mid[i].w));
-        }
         self.commit(&mut state.mechanism, &measured, &com, &kick, time_s, h);
-        state.note(&measured, &kick, time_s, h);
+        state.note(&measured, &com, &external, &kick, time_s, h);
         for (i, (b, m)) in state.bodies.iter_mut().zip(mass).enumerate() {
             if self.rigid() && i == RING {
                 continue;

@@ -27,19 +27,43 @@ fn regress_nominal() {
                 let e = sys.energy(&s, &m);
                 let bal = (e.kinetic + e.stored + e.lost - e0.kinetic) / e0.kinetic;
                 if bal.abs() > 1e-3 {
-                    println!("!! t {:.4} bal {bal:.4} {e:?} contact {} {:?} gaps {:?}", f64::from(i) * h, m.contacts().stored_j(), m.contacts(), m.latches);
+                    println!(
+                        "!! t {:.4} bal {bal:.4} {e:?} contact {} {:?} gaps {:?}",
+                        f64::from(i) * h,
+                        m.contacts().stored_j(),
+                        m.contacts(),
+                        m.latches
+                    );
                 }
-                worst = worst.max(((e.kinetic + e.stored + e.lost - e0.kinetic) / e0.kinetic).abs());
+                worst =
+                    worst.max(((e.kinetic + e.stored + e.lost - e0.kinetic) / e0.kinetic).abs());
             }
             if i % 10000 == 0 {
                 let m = sys.measure(&s.mechanism, &s.poses());
                 let x = m.poses().x_wr.inverse() * m.poses().x_wp;
-                println!("t {:.2} x {:.4} {:.4} {:.4} defl {:?} latch {:?} touch {}", f64::from(i) * h, x.p.x, x.p.y, x.p.z, m.deflection(), s.mechanism.latches.map(|l| l.phase as u8), m.contacts().touching());
+                println!(
+                    "t {:.2} x {:.4} {:.4} {:.4} defl {:?} latch {:?} touch {}",
+                    f64::from(i) * h,
+                    x.p.x,
+                    x.p.y,
+                    x.p.z,
+                    m.deflection(),
+                    s.mechanism.latches.map(|l| l.phase as u8),
+                    m.contacts().touching()
+                );
             }
         }
         let m = sys.measure(&s.mechanism, &s.poses());
         let e = sys.energy(&s, &m);
-        println!("v {v} wall us/step {:.2} peak {} depth {} captured {:?} first {:?} latches {:?}", t0.elapsed().as_secs_f64() * 1e6 / f64::from(n), s.peak_force_n, s.peak_depth_m, s.mechanism.captured_s(), s.first_contact_s, s.mechanism.latches.map(|l| l.times_s[2]));
+        println!(
+            "v {v} wall us/step {:.2} peak {} depth {} captured {:?} first {:?} latches {:?}",
+            t0.elapsed().as_secs_f64() * 1e6 / f64::from(n),
+            s.peak_force_n,
+            s.peak_depth_m,
+            s.mechanism.captured_s(),
+            s.first_contact_s,
+            s.mechanism.latches.map(|l| l.times_s[2])
+        );
         println!("e0 {:?} e {:?} {:?} worst {worst:e}", e0, e, s.mechanism.losses);
         let p = sys.momentum(&s);
         println!("dp {:?} dl {:?}", (p.f - p0.f).length(), (p.m - p0.m).length());

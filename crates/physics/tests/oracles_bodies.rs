@@ -50,8 +50,18 @@ fn oracle_order_four_in_smooth_motion() {
     ];
     let run = |composition, n: u32| {
         let state = [
-            BodyState::new(&mass[0], Pose::IDENTITY, DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.3, 0.2, -0.1)),
-            BodyState::new(&mass[1], common::pose(1.0, 0.1, 0.0, [10.0, 5.0, 3.0]), DVec3::new(-0.1, 0.05, 0.0), DVec3::new(-0.2, 0.1, 0.3)),
+            BodyState::new(
+                &mass[0],
+                Pose::IDENTITY,
+                DVec3::new(0.1, 0.0, 0.0),
+                DVec3::new(0.3, 0.2, -0.1),
+            ),
+            BodyState::new(
+                &mass[1],
+                common::pose(1.0, 0.1, 0.0, [10.0, 5.0, 3.0]),
+                DVec3::new(-0.1, 0.05, 0.0),
+                DVec3::new(-0.2, 0.1, 0.3),
+            ),
         ];
         let mut pair = BodyPair { mass, state, composition };
         let h = 2.0 / f64::from(n);
@@ -66,7 +76,9 @@ fn oracle_order_four_in_smooth_motion() {
         }
         pair.state
     };
-    let error = |a: &[BodyState; 2], b: &[BodyState; 2]| (a[0].p - b[0].p).length() + (a[1].l - b[1].l).length();
+    let error = |a: &[BodyState; 2], b: &[BodyState; 2]| {
+        (a[0].p - b[0].p).length() + (a[1].l - b[1].l).length()
+    };
     let truth = run(Composition::Suzuki4, 6400);
     let e = [100, 200].map(|n| error(&run(Composition::Suzuki4, n), &truth));
     let order = (e[0] / e[1]).log2();
@@ -83,8 +95,18 @@ fn invariant_momentum_of_a_pair_under_equal_and_opposite_forces() {
         MassProperties::new(12000.0, common::cylinder(12000.0, 1.5, 9.0)),
     ];
     let state = [
-        BodyState::new(&mass[0], Pose::IDENTITY, DVec3::new(0.05, 0.01, 0.0), DVec3::new(0.0, 0.001, 0.002)),
-        BodyState::new(&mass[1], Pose::from_translation(DVec3::X * 8.0), DVec3::new(-0.03, 0.0, 0.0), DVec3::new(0.002, 0.0, -0.001)),
+        BodyState::new(
+            &mass[0],
+            Pose::IDENTITY,
+            DVec3::new(0.05, 0.01, 0.0),
+            DVec3::new(0.0, 0.001, 0.002),
+        ),
+        BodyState::new(
+            &mass[1],
+            Pose::from_translation(DVec3::X * 8.0),
+            DVec3::new(-0.03, 0.0, 0.0),
+            DVec3::new(0.002, 0.0, -0.001),
+        ),
     ];
     let mut pair = BodyPair { mass, state, composition: Composition::Suzuki4 };
     let total = |p: &BodyPair| {
@@ -106,6 +128,14 @@ fn invariant_momentum_of_a_pair_under_equal_and_opposite_forces() {
         });
     }
     let after = total(&pair);
-    assert!((after.f - before.f).length() < 1e-12 * scale, "{}", (after.f - before.f).length() / scale);
-    assert!((after.m - before.m).length() < 1e-12 * scale * 8.0, "{}", (after.m - before.m).length() / scale);
+    assert!(
+        (after.f - before.f).length() < 1e-12 * scale,
+        "{}",
+        (after.f - before.f).length() / scale
+    );
+    assert!(
+        (after.m - before.m).length() < 1e-12 * scale * 8.0,
+        "{}",
+        (after.m - before.m).length() / scale
+    );
 }

@@ -48,7 +48,9 @@ fn hc(stiffness: f64, exponent: f64, damping_s_m: f64) -> NormalLaw {
 #[test]
 fn oracle_hunt_crossley_restitution_for_any_exponent() {
     // ln((1+d)/(1−e d)) = d(1+e), d = a v.
-    for (d, e) in [(0.05, 0.967_74), (0.1, 0.937_48), (0.2, 0.882_19), (0.5, 0.748_43), (1.0, 0.593_62)] {
+    for (d, e) in
+        [(0.05, 0.967_74), (0.1, 0.937_48), (0.2, 0.882_19), (0.5, 0.748_43), (1.0, 0.593_62)]
+    {
         for n in [1.0, 1.5] {
             let v = 0.1;
             let k = if n > 1.2 { 1e9 } else { 1e6 };

@@ -224,7 +224,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("expect.peak_moment_below_nm", Shape::Maybe(LOAD), "Peak moment at the port at most this."),
     key(
         "expect.peak_penetration_below_m",
-        Shape::Maybe(LOAD),
+        Shape::Maybe(Range::positive(1.0)),
         "Greatest contact depth at most this.",
     ),
     key("expect.impulse_above_ns", Shape::Maybe(LOAD), "Contact impulse at least this."),

@@ -316,6 +316,13 @@ fn maybe(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
     t.has(key).then(|| number(t, key))
 }
 
+fn count(t: &Table<'_, '_>, key: &'static str) -> Option<u32> {
+    match find(&t.key(key)).map(|k| k.shape) {
+        Some(Shape::Count(lo, hi)) => t.optional_count(key, lo, hi),
+        _ => t.optional_count(key, 0, u32::MAX),
+    }
+}
+
 fn flag(t: &Table<'_, '_>, key: &'static str) -> bool {
     let default = matches!(find(&t.key(key)).map(|k| k.shape), Some(Shape::Flag(true)));
     t.flag(key, default)
@@ -326,7 +333,7 @@ fn vector(t: &Table<'_, '_>, keys: [&'static str; 3]) -> DVec3 {
 }
 
 pub(crate) fn read_scenario(t: &Table<'_, '_>) -> Said {
-    if t.optional_count("schema", 1, 1).is_none() {
+    if count(t, "schema").is_none() {
         t.refuse("schema", "is missing", "add `schema = 1`");
     }
     let model = |key| t.section(key, |c| c.text("model", "path of a URDF"));
@@ -409,7 +416,7 @@ fn read_run(t: &Table<'_, '_>) -> RunSettings {
     RunSettings {
         duration_s,
         tick_nanos,
-        steps_per_tick: t.optional_count("steps_per_tick", 1, 10_000),
+        steps_per_tick: count(t, "steps_per_tick"),
         stop_when_decided: flag(t, "stop_when_decided"),
     }
 }

@@ -3,9 +3,9 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::DVec3;
 use docktwin_model::toml_check::Checker;
-use docktwin_model::{Attenuator, NormalLaw};
+use docktwin_model::{AttenuationChoice, Attenuator, NormalLaw};
 
-use crate::keys::{KEYS, find};
+use crate::keys::{KEYS, Shape, find};
 use crate::load::read_scenario;
 use crate::*;
 
@@ -155,6 +155,13 @@ fn invariant_every_key_is_read_and_explained() {
         values.iter().map(|v| find(&v.key).unwrap_or_else(|| panic!("{}", v.key)).key).collect();
     let known: BTreeSet<&str> = KEYS.iter().map(|k| k.key).collect();
     assert_eq!(read, known);
+    // Words are explained as they are read.
+    let words = |key: &str| match find(key).map(|k| k.shape) {
+        Some(Shape::Words(w, _)) => w.to_vec(),
+        other => panic!("{key}: {other:?}"),
+    };
+    assert_eq!(words("expect.outcome"), ExpectedOutcome::WORDS.map(|(w, _)| w));
+    assert_eq!(words("mechanism.attenuation"), AttenuationChoice::WORDS.map(|(w, _)| w));
     for k in KEYS {
         let text = explain(Some(k.key)).expect("explained");
         assert!(text.contains(k.meaning) && k.meaning.ends_with('.'), "{}", k.key);

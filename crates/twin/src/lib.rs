@@ -131,12 +131,8 @@ impl DockingTwin for FullTwin {
             h,
             |i, w| bodies[i].kick_response(&mass[i], w, h),
         );
-        for i in [CHASER, TARGET] {
-            self.memory.work_in_j +=
-                h * (external[i].f.dot(kick.mid[i].v) + external[i].m.dot(kick.mid[i].w));
-        }
         self.system.commit(&mut self.memory.mechanism, &measured, &com, &kick, time_s, h);
-        self.memory.note(&measured, &kick, time_s, h);
+        self.memory.note(&measured, &com, &external, &kick, time_s, h);
         self.memory.step += 1;
         for i in [CHASER, RING, TARGET] {
             if self.system.rigid() && i == RING {

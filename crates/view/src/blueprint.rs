@@ -6,8 +6,8 @@
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint,
-    PlotLegend, ScalarAxis, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint,
-    ViewContents, ViewportBlueprint,
+    PlotLegend, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents,
+    ViewportBlueprint,
 };
 use rerun::external::re_sdk_types::blueprint::components::{
     BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LinkAxis,
@@ -52,7 +52,6 @@ fn plot(name: &'static str, origin: &'static str, legend: PlotLegend) -> Node {
         properties: vec![
             ("PlotLegend", Box::new(legend)),
             ("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal))),
-            ("ScalarAxis", Box::new(ScalarAxis::new().with_zoom_lock(true))),
         ],
     }
 }
@@ -83,7 +82,7 @@ fn layout(eye: &Eye) -> Node {
             ),
             (
                 "Background",
-                Box::new(Background::new(BackgroundKind::SolidColor).with_color(0x14181E_FF)),
+                Box::new(Background::new(BackgroundKind::SolidColor).with_color(0x14_18_1E_FF)),
             ),
             (CHASER_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),
             (TARGET_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),

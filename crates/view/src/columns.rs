@@ -244,7 +244,7 @@ impl Legs {
         let strips = LineStrips3D::update_fields()
             .with_strips(self.strips.drain(..))
             .with_colors(vec![colour; n])
-            .with_radii(vec![Radius::new_scene_units(0.008); n]);
+            .with_radii(vec![Radius::new_scene_units(0.006); n]);
         send(rec, path, &self.times, strips.columns(vec![n / rows; rows]))?;
         self.times.clear();
         Ok(())

@@ -18,6 +18,10 @@
 //! | `contact_table` | now and peak force of every pair of surfaces |
 //! | `events` | what the run reported |
 //!
+//! Forces are those that the active side feels. Rings and petals are drawn like glass with edges,
+//! so that what happens between them shows. The viewer opens at the end of the run, where peaks and
+//! trace sum it up; every plot shares one time axis.
+//!
 //! Hulls are a sign, not a model: a cylinder of the vehicle's own mass and inertia behind the port.
 //! So are the legs of an attenuator that is given as tables.
 //!

@@ -87,21 +87,21 @@ fn log_edges(
     colour: u32,
 ) -> RecordingStreamResult<()> {
     let edges =
-        LineStrips3D::new(edges).with_radii([Radius::new_ui_points(0.8)]).with_colors([colour]);
+        LineStrips3D::new(edges).with_radii([Radius::new_ui_points(0.9)]).with_colors([colour]);
     rec.log_static(path, &edges)
 }
 
-/// Circles of the torus: outermost, innermost, foremost and hindmost.
+/// The outermost and the innermost circle of the torus.
 fn torus_edges(g: &RingGeometry) -> Vec<Vec<[f32; 3]>> {
     let (r, s) = (g.mean_radius_m, g.section_radius_m);
-    let circle = |(x, r): (f64, f64)| {
+    let circle = |r: f64| {
         let at = |k: i32| {
             let (sin, cos) = (f64::from(k) * PI / 48.0).sin_cos();
-            f32x3(DVec3::new(x, r * cos, r * sin))
+            f32x3(DVec3::new(0.0, r * cos, r * sin))
         };
         (0..=96).map(at).collect()
     };
-    [(0.0, r + s), (0.0, r - s), (s, r), (-s, r)].map(circle).to_vec()
+    [r + s, r - s].map(circle).to_vec()
 }
 
 /// The outline of the mid-surface of petal `i`.
@@ -204,13 +204,14 @@ pub(crate) fn log_static(rec: &RecordingStream, s: &SceneModel<'_>) -> Recording
             )?;
         }
     }
-    log_legend(rec, m)?;
+    log_legend(rec, s)?;
     log_series(rec)
 }
 
 /// Scale and colours of the arrows. The scale is as far from the eye as the mechanism, so that it is
 /// as large as the forces; the classes are nearer, at the lower edge of the view.
-fn log_legend(rec: &RecordingStream, m: &DockingMechanism) -> RecordingStreamResult<()> {
+fn log_legend(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingStreamResult<()> {
+    let m = s.mechanism;
     let eye = Eye::new(m);
     rec.log_static(
         format!("{}/force_scale", paths::LEGEND),
@@ -219,6 +220,16 @@ fn log_legend(rec: &RecordingStream, m: &DockingMechanism) -> RecordingStreamRes
             .with_radii([Radius::new_ui_points(3.0)])
             .with_colors([style::TEXT])
             .with_labels(["scale: 3 kN"]),
+    )?;
+    rec.log_static(
+        format!("{}/vehicles", paths::LEGEND),
+        &Points3D::new([[-0.75, -0.92], [0.75, -0.92]].map(|at| f32x3(eye.point(at, 0.4))))
+            .with_radii([Radius::new_ui_points(0.0)])
+            .with_colors([style::ACTIVE, style::PASSIVE])
+            .with_labels([
+                format!("{}: chaser, active side (A)", s.chaser.name),
+                format!("{}: target, passive side (P)", s.target.name),
+            ]),
     )?;
     let r = reach(m);
     let classes = PairClass::ALL;

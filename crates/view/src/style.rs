@@ -7,13 +7,13 @@ pub(crate) const ACTIVE: u32 = 0xF0_74_38_FF;
 pub(crate) const PASSIVE: u32 = 0x4C_90_F0_FF;
 /// Opacity of rings and petals: what happens between them must show, so their edges are drawn and
 /// their faces are like glass.
-pub(crate) const GLASS: u8 = 0x38;
+pub(crate) const GLASS: u8 = 0x24;
 /// Hulls let the mechanism shine through.
-pub(crate) const ACTIVE_HULL: u32 = 0x9A_84_6C_30;
-pub(crate) const PASSIVE_HULL: u32 = 0x6C_80_9C_30;
-pub(crate) const LATCH_RADIUS_M: f32 = 0.032;
+pub(crate) const ACTIVE_HULL: u32 = 0x9A_84_6C_1C;
+pub(crate) const PASSIVE_HULL: u32 = 0x6C_80_9C_1C;
+pub(crate) const LATCH_RADIUS_M: f32 = 0.026;
 pub(crate) const STRIKER: u32 = 0xC9_D6_E8_FF;
-pub(crate) const LEG: u32 = 0x8A_8F_98_FF;
+pub(crate) const LEG: u32 = 0x8A_8F_98_70;
 pub(crate) const TEXT: u32 = 0xE6_E9_EE_FF;
 
 /// Red, green, blue of the axes X, Y, Z; roll, pitch, yaw.

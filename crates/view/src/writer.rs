@@ -169,7 +169,7 @@ struct Slot {
 }
 
 fn slots(eye: &Eye) -> Vec<Slot> {
-    let rows = |x: f64| (0..SLOTS).map(move |k| [x, -0.88 + 1.5 * k as f64 / (SLOTS - 1) as f64]);
+    let rows = |x: f64| (0..SLOTS).map(move |k| [x, -0.76 + 1.4 * k as f64 / (SLOTS - 1) as f64]);
     let slot = |seen_at| Slot { seen_at, point: eye.point(seen_at, 0.75), taken: false };
     rows(-0.95).chain(rows(0.95)).map(slot).collect()
 }
@@ -570,12 +570,12 @@ impl SceneWriter {
         }
         for (class, c) in core::iter::zip(PairClass::ALL, &mut rows.contacts) {
             let path = format!("{}/{}", paths::CONTACTS, class.key());
-            let radius = Radius::new_scene_units(0.016);
+            let radius = Radius::new_scene_units(0.013);
             c.points.rows.send(rec, &format!("{path}/point"), radius)?;
-            c.normal.send(rec, &format!("{path}/normal"), 3.5)?;
-            c.friction.send(rec, &format!("{path}/friction"), 1.8)?;
+            c.normal.send(rec, &format!("{path}/normal"), 5.0)?;
+            c.friction.send(rec, &format!("{path}/friction"), 2.5)?;
         }
-        rows.peaks.send(rec, paths::PEAKS, 1.5)?;
+        rows.peaks.send(rec, paths::PEAKS, 3.0)?;
         rows.labels.send(rec, paths::LABELS)?;
         rows.table.send_markdown(rec, paths::TABLE)?;
         rows.events.send_log(rec, paths::EVENTS)?;
@@ -693,7 +693,7 @@ fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
     }
     t.push_str(
         "\nNormal force at the strongest place of each pair. Arrows: force on the active side, \
-         0.5 m = 3 kN. A: active, orange; P: passive, blue.\n",
+         0.5 m = 3 kN; thin and pale: friction. A: active, orange; P: passive, blue.\n",
     );
     t
 }

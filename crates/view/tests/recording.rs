@@ -38,7 +38,7 @@ fn rows(entities: &BTreeMap<String, Vec<Chunk>>, path: &str) -> usize {
 #[test]
 fn invariant_a_recording_opens_and_holds_every_frame() {
     let path = file("opens.rrd");
-    let (frames, _) = synthetic::write(&path, 4.0).expect("written");
+    let frames = synthetic::write(&path, 4.0).expect("written").len();
     let entities = read(&path);
     for (entity, want) in [
         ("/scene/target", frames),
@@ -190,4 +190,74 @@ fn invariant_a_path_that_cannot_be_written_is_an_error() {
     };
     assert!(matches!(e, ViewError::Create { .. }), "{e}");
     assert!(e.to_string().contains("run.rrd"), "{e}");
+}
+
+#[test]
+fn invariant_twenty_seconds_with_twelve_contacts_stay_below_ten_megabytes() {
+    let path = file("long.rrd");
+    let mut writer = Rig::new().writer(&path).expect("created");
+    let mut spent = std::time::Duration::ZERO;
+    for k in 0..2000u32 {
+        let t = f64::from(k) * 0.01;
+        let contacts: Vec<_> = (0..12u32)
+            .map(|i| {
+                let (sin, cos) = (f64::from(i) * 0.52 + 0.05 * t).sin_cos();
+                let size = 2000.0 * (1.0 + (3.0 * t + f64::from(i)).sin());
+                ContactArrow {
+                    pair: i as usize,
+                    point_w_m: DVec3::new(3.82 + 0.002 * t, 0.6 * cos, 0.6 * sin),
+                    normal_force_w_n: DVec3::new(-size, 0.3 * size * cos, 0.3 * size * sin),
+                    friction_w_n: DVec3::new(0.0, -0.1 * size * sin, 0.1 * size * cos),
+                    depth_m: 1e-6 * size,
+                }
+            })
+            .collect();
+        let scalars = Scalars {
+            port_force_n: DVec3::new(-1e3 * t.sin(), 1e2 * t.cos(), t.sqrt()),
+            relative_position_m: DVec3::new(t.sin(), t.cos(), t.sqrt()),
+            ..Scalars::default()
+        };
+        let f = frame(u64::from(k) * 10_000_000, &contacts, &scalars);
+        let start = std::time::Instant::now();
+        writer.frame(&f).expect("recorded");
+        spent += start.elapsed();
+    }
+    writer.finish().expect("closed");
+    let bytes = std::fs::metadata(&path).expect("written").len();
+    assert!(bytes < 10_000_000, "{bytes} bytes");
+    println!("{bytes} bytes, {:.1} µs a frame", 1e6 * spent.as_secs_f64() / 2000.0);
+}
+
+#[test]
+fn invariant_a_bare_rigid_ring_has_no_petals_legs_or_latches() {
+    let path = file("bare.rrd");
+    let mut rig = Rig::new();
+    rig.mechanism.active.petals = None;
+    rig.mechanism.passive.petals = None;
+    rig.mechanism.latches = None;
+    rig.mechanism.attenuator = docktwin_model::Attenuator::Rigid;
+    let scalars = Scalars { latch_gap_m: [f64::NAN; 3], ..Scalars::default() };
+    let mut writer = rig.writer(&path).expect("created");
+    writer.frame(&frame(0, &[ContactArrow { pair: 0, ..CONTACT }], &scalars)).expect("recorded");
+    writer.finish().expect("closed");
+    let entities = read(&path);
+    assert_eq!(rows(&entities, "/scene/active_ring/ring"), 1);
+    assert_eq!(rows(&entities, "/scene/contacts/ring_ring/normal"), 1);
+    let odd =
+        |e: &&String| ["petal_", "legs", "latches", "latch_state"].iter().any(|w| e.contains(w));
+    assert_eq!(entities.keys().find(odd), None);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn invariant_a_full_disk_is_an_error() {
+    let scalars = Scalars::default();
+    let result = Rig::new().writer(std::path::Path::new("/dev/full")).and_then(|mut writer| {
+        writer.frame(&frame(0, &[CONTACT], &scalars))?;
+        writer.finish()
+    });
+    assert!(
+        matches!(result, Err(ViewError::Create { .. } | ViewError::Write { .. })),
+        "{result:?}"
+    );
 }

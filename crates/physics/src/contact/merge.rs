@@ -183,8 +183,20 @@ fn second_peak(
         if j == top || d <= 0.0 {
             continue;
         }
-        let left = if j > 0 { samples[j - 1].depth } else if closed { samples[n - 1].depth } else { f64::NEG_INFINITY };
-        let right = if j + 1 < n { samples[j + 1].depth } else if closed { samples[0].depth } else { f64::NEG_INFINITY };
+        let left = if j > 0 {
+            samples[j - 1].depth
+        } else if closed {
+            samples[n - 1].depth
+        } else {
+            f64::NEG_INFINITY
+        };
+        let right = if j + 1 < n {
+            samples[j + 1].depth
+        } else if closed {
+            samples[0].depth
+        } else {
+            f64::NEG_INFINITY
+        };
         if d < left || d < right {
             continue;
         }
@@ -235,7 +247,8 @@ pub(crate) fn places(samples: &[Sample], closed: bool, eps: f64, normal: &Normal
     let energy = |s: &Soft| law::stored_energy(normal, s.k, s.depth);
     let elastic = |s: &Soft| law::elastic_force(normal, s.k, s.depth);
 
-    let top = (0..samples.len()).fold(0, |b, i| if samples[i].depth > samples[b].depth { i } else { b });
+    let top =
+        (0..samples.len()).fold(0, |b, i| if samples[i].depth > samples[b].depth { i } else { b });
     let Some((second, inner, outer)) = second_peak(samples, top, closed) else {
         return single(samples, eps, normal);
     };
@@ -320,7 +333,14 @@ mod tests {
             .map(|i| {
                 #[expect(clippy::cast_precision_loss, reason = "small")]
                 let u = (i as f64 + 0.5) / m as f64;
-                Sample { u, depth: f(u), c: DVec3::new(0.0, u, 0.0), n: DVec3::X, k: 1e6, softening: DVec3::ZERO }
+                Sample {
+                    u,
+                    depth: f(u),
+                    c: DVec3::new(0.0, u, 0.0),
+                    n: DVec3::X,
+                    k: 1e6,
+                    softening: DVec3::ZERO,
+                }
             })
             .collect()
     }
@@ -347,7 +367,11 @@ mod tests {
                 move |u: f64| {
                     let w = (core::f64::consts::PI * (u - 0.25) * 2.0).sin().powi(2);
                     let peaks = if u < 0.5 { 2e-3 } else { 1.7e-3 };
-                    if (0.25..0.75).contains(&u) { peaks * (1.0 - w) + w * h } else { peaks - 0.05 * (u - u.clamp(0.25, 0.75)).abs() }
+                    if (0.25..0.75).contains(&u) {
+                        peaks * (1.0 - w) + w * h
+                    } else {
+                        peaks - 0.05 * (u - u.clamp(0.25, 0.75)).abs()
+                    }
                 },
                 64,
             )

@@ -8,6 +8,4 @@ mod merge;
 mod scene;
 mod shape;
 
-pub use scene::{
-    Contacts, ContactEnergy, ContactSample, ContactState, PAIRS, Scene, SurfacePair,
-};
+pub use scene::{ContactEnergy, ContactSample, ContactState, Contacts, PAIRS, Scene, SurfacePair};

@@ -71,7 +71,9 @@ impl core::fmt::Display for SurfacePair {
             Self::RingRing => write!(f, "active ring · passive ring"),
             Self::PetalRing(i) => write!(f, "active petal {} · passive ring", i + 1),
             Self::RingPetal(i) => write!(f, "active ring · passive petal {}'", i + 1),
-            Self::PetalPetal(a, p) => write!(f, "active petal {} · passive petal {}'", a + 1, p + 1),
+            Self::PetalPetal(a, p) => {
+                write!(f, "active petal {} · passive petal {}'", a + 1, p + 1)
+            }
         }
     }
 }
@@ -187,10 +189,7 @@ pub struct ContactState {
 
 impl Default for ContactState {
     fn default() -> Self {
-        Self {
-            bristles: [[Bristle::default(); SLOTS]; PAIRS],
-            normals: [DVec3::ZERO; PAIRS],
-        }
+        Self { bristles: [[Bristle::default(); SLOTS]; PAIRS], normals: [DVec3::ZERO; PAIRS] }
     }
 }
 
@@ -257,8 +256,7 @@ impl Scene {
     pub fn new(m: &DockingMechanism) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "small numbers")]
         let around = core::array::from_fn(|i| {
-            let (s, c) =
-                (core::f64::consts::PI * i as f64 / CIRCLE_INTERVALS as f64).sin_cos();
+            let (s, c) = (core::f64::consts::PI * i as f64 / CIRCLE_INTERVALS as f64).sin_cos();
             (c, s)
         });
         Self {
@@ -307,7 +305,17 @@ impl Scene {
         for (i, petal) in self.active.petals.iter().enumerate() {
             let pair = SurfacePair::PetalRing(i).index();
             let before = state.normals[pair];
-            self.petal_ring(petal, &passive_circle, self.passive.tube, before, |s| s, pair, state, x_wr, &mut out);
+            self.petal_ring(
+                petal,
+                &passive_circle,
+                self.passive.tube,
+                before,
+                |s| s,
+                pair,
+                state,
+                x_wr,
+                &mut out,
+            );
         }
         for (i, petal) in self.passive.petals.iter().enumerate() {
             let pair = SurfacePair::RingPetal(i).index();
@@ -319,7 +327,17 @@ impl Scene {
                 s.softening = -(x_rp.q * s.softening);
                 s
             };
-            self.petal_ring(petal, &active_circle_p, self.active.tube, before, turn, pair, state, x_wr, &mut out);
+            self.petal_ring(
+                petal,
+                &active_circle_p,
+                self.active.tube,
+                before,
+                turn,
+                pair,
+                state,
+                x_wr,
+                &mut out,
+            );
         }
         for (j, passive) in self.passive.petals.iter().enumerate() {
             let centre = x_rp.transform_point(passive.centre);
@@ -334,7 +352,9 @@ impl Scene {
                     continue;
                 }
                 let moved = coarse.get_or_insert_with(|| {
-                    passive.coarse.map(|s| Segment { a: x_rp.transform_point(s.a), d: x_rp.q * s.d })
+                    passive
+                        .coarse
+                        .map(|s| Segment { a: x_rp.transform_point(s.a), d: x_rp.q * s.d })
                 });
                 self.petal_petal(active, passive, moved, x_rp, (i, j), state, x_wr, &mut out);
             }
@@ -392,10 +412,11 @@ impl Scene {
                 let tau = other.axis.cross(q - other.centre) / other.radius;
                 let along = dp.dot(tau);
                 // How far q follows p along its circle.
-                let lever = (p - other.centre).dot((q - other.centre) / other.radius) / other.radius;
+                let lever =
+                    (p - other.centre).dot((q - other.centre) / other.radius) / other.radius;
                 let f1 = -gap.dot(dp);
-                let f2 = dp.length_squared() - along * along / lever.max(0.1)
-                    + gap.dot(p - own.centre);
+                let f2 =
+                    dp.length_squared() - along * along / lever.max(0.1) + gap.dot(p - own.centre);
                 if f2 <= 1e-9 {
                     break;
                 }
@@ -464,11 +485,7 @@ impl Scene {
             let (s, p, q) = segment_circle(&seg, circle);
             let dist = signed(p, q);
             let gap = q - p;
-            let n = if gap.length() < 1e-4 && before != DVec3::ZERO {
-                before
-            } else {
-                gap / dist
-            };
+            let n = if gap.length() < 1e-4 && before != DVec3::ZERO { before } else { gap / dist };
             let depth = sum - dist;
             let (k, soft) = petal_stiffness(kc, &[(petal, s)]);
             let tau = circle.axis.cross(q - circle.centre) / circle.radius;
@@ -575,14 +592,8 @@ impl Scene {
                 if near.sb > 0.0 && near.sb < 1.0 {
                     softening -= sliding_direction(db, da) * soft[1];
                 }
-                samples[half * ALONG + piece] = Sample {
-                    u,
-                    depth,
-                    c: near.pa + n * (a.radius - 0.5 * depth),
-                    n,
-                    k,
-                    softening,
-                };
+                samples[half * ALONG + piece] =
+                    Sample { u, depth, c: near.pa + n * (a.radius - 0.5 * depth), n, k, softening };
             }
         }
         // One place per pair of petals, however long the line of contact.
@@ -683,6 +694,18 @@ impl Contacts {
             self.places[self.len] = Place { pair, slot, merged: m, y };
             self.len += 1;
         }
+    }
+
+    /// Number of places, saddles included.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether nothing touches.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
     }
 
     /// Whether any pair overlaps.

@@ -97,10 +97,8 @@ pub(crate) fn segment_circle(seg: &Segment, circle: &Circle) -> (f64, DVec3, DVe
 
 /// Segment to segment, parry's closed form.
 pub(crate) fn segment_segment(a: &Segment, b: &Segment) -> Nearest {
-    let (la, lb) = closest_points_segment_segment_with_locations_nD(
-        (&a.a, &a.at(1.0)),
-        (&b.a, &b.at(1.0)),
-    );
+    let (la, lb) =
+        closest_points_segment_segment_with_locations_nD((&a.a, &a.at(1.0)), (&b.a, &b.at(1.0)));
     let param = |l: SegmentPointLocation| match l {
         SegmentPointLocation::OnVertex(i) => f64::from(i),
         SegmentPointLocation::OnEdge(w) => w[1],

@@ -3,9 +3,9 @@
 
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose};
 use docktwin_model::{
-    Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
-    DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry,
-    PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
+    Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases, DockingMechanism,
+    LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody,
+    RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
 };
 use docktwin_physics::{
     initial::{ContactConditions, initial_state},
@@ -44,7 +44,15 @@ pub fn line(k: f64, to: f64) -> PiecewiseCurve {
 }
 
 #[expect(clippy::too_many_arguments, reason = "a table row")]
-pub fn channel(k: f64, before: f64, after: f64, neg: f64, pos: f64, stop: f64, sd: f64) -> AxisChannel {
+pub fn channel(
+    k: f64,
+    before: f64,
+    after: f64,
+    neg: f64,
+    pos: f64,
+    stop: f64,
+    sd: f64,
+) -> AxisChannel {
     AxisChannel {
         loading: line(k, 0.1),
         unloading: line(k, 0.1),

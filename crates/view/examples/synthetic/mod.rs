@@ -28,11 +28,11 @@ fn cylinder(name: &str, mass_kg: f64, radius: f64, length: f64, port: Pose) -> S
 }
 
 pub(crate) fn chaser() -> Spacecraft {
-    cylinder("chaser", 8000.0, 1.35, 7.0, Pose::from_translation(DVec3::X * 3.5))
+    cylinder("chaser_8t", 8000.0, 1.35, 7.0, Pose::from_translation(DVec3::X * 3.5))
 }
 
 pub(crate) fn target() -> Spacecraft {
-    cylinder("target", 12000.0, 1.5, 9.0, Pose::from_translation(DVec3::X * -4.5))
+    cylinder("target_12t", 12000.0, 1.5, 9.0, Pose::from_translation(DVec3::X * -4.5))
 }
 
 fn channel() -> AxisChannel {
@@ -164,17 +164,17 @@ fn petal_points(g: &PetalGeometry, i: u32) -> Vec<DVec3> {
         .collect()
 }
 
-/// Writes the made-up run until `end_s`; gives the number of frames and the time spent writing, s.
-pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<(usize, f64), ViewError> {
+/// Writes the made-up run until `end_s`; gives the time each frame took to write, s.
+pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<Vec<f64>, ViewError> {
     let (chaser, target, m) = (chaser(), target(), mechanism());
     let scene = SceneModel { scenario: "made_up", chaser: &chaser, target: &target, mechanism: &m };
     let names = pair_names();
-    let mut spent = std::time::Duration::ZERO;
+    let mut spent_s = Vec::new();
     let start = std::time::Instant::now();
     let mut writer = SceneWriter::create(path, &scene, &names)?;
     println!("create: {:.1} ms", 1e3 * start.elapsed().as_secs_f64());
 
-    let Some(petals) = m.active.petals else { return Ok((0, 0.0)) };
+    let Some(petals) = m.active.petals else { return Ok(vec![]) };
     let half = 0.5 * petals.thickness_m;
     let points: Vec<_> = (0..3).map(|i| petal_points(&petals, i)).collect();
     let half_turn = DQuat::from_rotation_z(core::f64::consts::PI);
@@ -192,7 +192,7 @@ pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<(usize, f64), 
     let (mut ring, mut ring_v) = (DVec3::ZERO, DVec3::ZERO);
     let mut tilt = 1.0;
     let (mut captured, mut latches, mut energy) = (None, [0u8; 3], Energies::default());
-    let (mut touching, mut frames) = (0, 0);
+    let mut touching = 0;
     let dt = 2e-4;
     let steps = (end_s / dt).round() as u64;
     let reduced_mass = 4800.0;
@@ -217,12 +217,12 @@ pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<(usize, f64), 
                 depth_m: depth,
             });
         };
-        for i in 0..3 {
-            let moved: Vec<_> = points[i].iter().map(|q| x_34r.transform_point(*q)).collect();
+        for (i, petal) in points.iter().enumerate() {
+            let moved: Vec<_> = petal.iter().map(|q| x_34r.transform_point(*q)).collect();
             if let Some((d, at, n)) = in_torus(&moved, half, &m.active.ring) {
                 push(1 + i, d, x_r3.transform_point(at), x_r3.q * -n, 4e5);
             }
-            let moved: Vec<_> = points[i].iter().map(|q| x_43r.transform_point(*q)).collect();
+            let moved: Vec<_> = petal.iter().map(|q| x_43r.transform_point(*q)).collect();
             if let Some((d, at, n)) = in_torus(&moved, half, &m.passive.ring) {
                 push(4 + i, d, x_r4.transform_point(at), x_r4.q * n, 4e5);
             }
@@ -328,8 +328,7 @@ pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<(usize, f64), 
             };
             let start = std::time::Instant::now();
             writer.frame(&frame)?;
-            spent += start.elapsed();
-            frames += 1;
+            spent_s.push(start.elapsed().as_secs_f64());
         }
 
         // Pushes everything on by hand.
@@ -353,5 +352,5 @@ pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<(usize, f64), 
     let start = std::time::Instant::now();
     writer.finish()?;
     println!("finish: {:.1} ms", 1e3 * start.elapsed().as_secs_f64());
-    Ok((frames, spent.as_secs_f64()))
+    Ok(spent_s)
 }

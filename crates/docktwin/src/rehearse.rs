@@ -1,0 +1,651 @@
+//! `rehearse`: the twin alone, as fast as possible.
+
+use std::{
+    collections::BTreeMap,
+    io::IsTerminal,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant as WallInstant,
+};
+
+use docktwin_core::{DVec3, SimTime, StateHasher, Tick, Wrench};
+use docktwin_physics::{
+    contact::{PAIRS, SurfacePair},
+    initial::{ContactConditions, initial_state},
+    mechanism::{LatchPhase, System},
+    outcome::{Judgement, Monitor, Outcome as Judged},
+    reduced::{DockingState, DockingTwin, Inputs, ReducedTwin},
+};
+use docktwin_record::{
+    ContactRow, Event, Outcome, Policy, RunWriter, SUMMARY_SCHEMA, StepUs, Summary, Verdict,
+};
+use docktwin_scenario::{
+    Body, ExpectedOutcome, Measured as Result_, Scenario, Thrust, Trigger, load_scenario,
+};
+use docktwin_twin::FullTwin;
+use docktwin_view::{ContactArrow, Frame, SceneModel, SceneWriter};
+use hdrhistogram::Histogram;
+use serde_json::json;
+
+use crate::{
+    cli::{RehearseArgs, TwinKind},
+    commands::overrides,
+    failure::{Failure, OTHERWISE},
+    signals::{Instant, columns, row},
+};
+
+/// A contact that is interrupted for less than this is one contact in the events, s.
+const CONTACT_GAP_S: f64 = 0.02;
+/// Ticks between two frames for the viewer.
+const FRAME_TICKS: u64 = 10;
+/// An energy account that is off by more than this share of the energy put in is a defect.
+const ENERGY_TOLERANCE: f64 = 1e-3;
+
+/// Runs the command.
+pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> {
+    let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
+    let out = args.out.clone().unwrap_or_else(|| default_directory(&scenario.name));
+    if !json {
+        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+    }
+    let steps = steps_per_tick(&scenario, args.twin);
+    let setup = Setup { scenario: &scenario, seed: args.seed, kind: args.twin, steps, out: &out };
+    let summary = match args.twin {
+        TwinKind::Full => setup.rehearse(FullTwin::new, !args.no_rrd, json)?,
+        TwinKind::Reduced => setup.rehearse(ReducedTwin::new, !args.no_rrd, json)?,
+    };
+    if json {
+        // A summary always serialises; a defect would show as an empty object.
+        println!("{}", serde_json::to_value(&summary).unwrap_or_default());
+    } else {
+        print(&summary, &scenario, &out);
+    }
+    Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
+}
+
+/// Steps of a tick: the scenario's, or the twin's own for a tick of 1 ms.
+pub(crate) fn steps_per_tick(scenario: &Scenario, kind: TwinKind) -> u32 {
+    scenario.run.steps_per_tick.unwrap_or_else(|| {
+        let per_ms = u64::from(kind.default_steps());
+        let n = (scenario.run.tick_nanos * per_ms).div_ceil(1_000_000);
+        u32::try_from(n).unwrap_or(u32::MAX).max(1)
+    })
+}
+
+fn default_directory(name: &str) -> PathBuf {
+    let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
+    let mut dir = Path::new("runs").join(format!("{name}-{now}"));
+    let mut n = 1;
+    while dir.exists() {
+        n += 1;
+        dir = Path::new("runs").join(format!("{name}-{now}-{n}"));
+    }
+    dir
+}
+
+/// The bodies at the start.
+pub(crate) fn start(scenario: &Scenario) -> (System, [docktwin_physics::body::BodyState; 3]) {
+    let system = System::new(&scenario.chaser, &scenario.target, scenario.mechanism.clone());
+    let i = &scenario.initial;
+    let conditions = ContactConditions {
+        attitude: i.attitude,
+        lateral_m: DVec3::new(0.0, i.lateral_m[0], i.lateral_m[1]),
+        velocity_m_s: DVec3::new(
+            -i.axial_speed_m_s,
+            i.lateral_speed_m_s[0],
+            i.lateral_speed_m_s[1],
+        ),
+        rate_rad_s: i.rates_rad_s,
+    };
+    let bodies = initial_state(&system, &conditions, i.gap_m).bodies;
+    (system, bodies)
+}
+
+/// Control wrenches of a tick that starts at `time_s`.
+pub(crate) fn inputs(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> Inputs {
+    let mut out = Inputs::default();
+    for t in thrusts {
+        let from = match t.after {
+            Trigger::Start => Some(0.0),
+            Trigger::FirstContact => state.first_contact_s,
+            Trigger::Capture => state.mechanism.captured_s(),
+        };
+        let Some(from) = from else { continue };
+        let since = time_s - from - t.delay_s;
+        let captured = t.until_capture && state.mechanism.captured_s().is_some();
+        if since < 0.0 || since >= t.duration_s || captured {
+            continue;
+        }
+        let w = Wrench { f: t.force_n, m: t.moment_nm };
+        match t.on {
+            Body::Chaser => out.chaser += w,
+            Body::Target => out.target += w,
+        }
+    }
+    out
+}
+
+/// What a rehearsal needs.
+pub(crate) struct Setup<'a> {
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) seed: u64,
+    pub(crate) kind: TwinKind,
+    pub(crate) steps: u32,
+    pub(crate) out: &'a Path,
+}
+
+impl Setup<'_> {
+    /// Physics step, s.
+    pub(crate) fn step_s(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
+        let tick = self.scenario.run.tick_nanos as f64 * 1e-9;
+        tick / f64::from(self.steps)
+    }
+
+    fn metadata(&self) -> BTreeMap<String, String> {
+        let mut m: BTreeMap<String, String> = [
+            ("tool", "docktwin".to_owned()),
+            ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("command", "rehearse".to_owned()),
+            ("scenario", self.scenario.name.clone()),
+            ("seed", self.seed.to_string()),
+            ("twin", self.kind.name().to_owned()),
+            ("steps_per_tick", self.steps.to_string()),
+            ("tick_nanos", self.scenario.run.tick_nanos.to_string()),
+        ]
+        .into_iter()
+        .map(|(k, v)| (k.to_owned(), v))
+        .collect();
+        for f in &self.scenario.files {
+            m.insert(format!("digest:{}", file_name(&f.path)), f.digest.to_string());
+        }
+        m
+    }
+
+    fn rehearse<T: DockingTwin>(
+        &self,
+        new: impl FnOnce(System, [docktwin_physics::body::BodyState; 3], f64) -> T,
+        rrd: bool,
+        json: bool,
+    ) -> Result<Summary, Failure> {
+        let scenario = self.scenario;
+        let (system, bodies) = start(scenario);
+        let pair_names: Vec<String> =
+            (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
+        let mut writer = RunWriter::create(
+            self.out,
+            columns(),
+            pair_names.clone(),
+            &self.metadata(),
+            Policy::Wait,
+        )?;
+        writer.scenario_toml(&self.scenario_as_run())?;
+        let scene = SceneModel {
+            scenario: &scenario.name,
+            chaser: &scenario.chaser,
+            target: &scenario.target,
+            mechanism: &scenario.mechanism,
+        };
+        let mut view = rrd
+            .then(|| SceneWriter::create(&self.out.join("run.rrd"), &scene, &pair_names))
+            .transpose()?;
+
+        let wall = WallInstant::now();
+        let h = self.step_s();
+        let mut twin = new(system, bodies, h);
+        let mut run = Run::new();
+        let ticks = scenario.run.ticks();
+        let bar = progress(ticks, json);
+        let mut tick = 0;
+        loop {
+            let time = SimTime::of_tick(Tick(tick), scenario.run.tick_nanos);
+            let state = twin.state();
+            let now = Instant::new(twin.system(), &state, time.seconds(), h);
+            let last = tick == ticks
+                || run.monitor.limit().is_some()
+                || (scenario.run.stop_when_decided && run.monitor.decided(time.seconds()));
+            let control = if last {
+                Inputs::default()
+            } else {
+                inputs(&scenario.thrusts, &state, time.seconds())
+            };
+            run.observe(twin.system(), &now, &control, Tick(tick), time)?;
+            for e in run.events.drain(..) {
+                writer.event(&e)?;
+                if let Some(v) = &mut view {
+                    v.event(time, &e.kind, &e.text)?;
+                }
+                run.frame_due = true;
+            }
+            let digest = twin.digest();
+            run.chain(digest);
+            row(&now, twin.system(), &control, digest.short(), &mut run.row);
+            run.contact_rows(&now);
+            writer.tick(Tick(tick), time, &run.row, &run.contacts)?;
+            if let Some(v) = &mut view {
+                if tick % FRAME_TICKS == 0 || run.frame_due || last {
+                    run.frame_due = false;
+                    show(v, scenario, &now, time, &mut run.arrows)?;
+                }
+            }
+            if last {
+                break;
+            }
+            let begin = WallInstant::now();
+            for _ in 0..self.steps {
+                twin.step(&control);
+            }
+            run.timing(begin.elapsed().as_nanos(), self.steps);
+            tick += 1;
+            if tick % 100 == 0 {
+                bar.set_position(tick);
+            }
+        }
+        bar.finish_and_clear();
+        let state = twin.state();
+        let time = SimTime::of_tick(Tick(tick), scenario.run.tick_nanos);
+        let judgement = run.monitor.judge(time.seconds());
+        let outcome_event = Event::new(
+            Tick(tick),
+            time,
+            "outcome",
+            format!("{}: {}", judgement.outcome.name(), judgement.reason),
+            json!({ "outcome": judgement.outcome.name(), "decided_s": judgement.time_s }),
+        );
+        writer.event(&outcome_event)?;
+        if let Some(mut v) = view {
+            v.event(time, &outcome_event.kind, &outcome_event.text)?;
+            v.finish()?;
+        }
+        let mut summary = run.summary(self, &state, &judgement, tick, time);
+        let wall_s = wall.elapsed().as_secs_f64();
+        summary.wall_s = wall_s;
+        summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
+        let recording = writer.finish(&summary)?;
+        summary.recording = Some(recording);
+        Ok(summary)
+    }
+
+    /// The scenario as it ran. Model paths are written so that they are found from the run
+    /// directory too.
+    fn scenario_as_run(&self) -> String {
+        let text = self.scenario.as_run_toml();
+        let Ok(mut doc) = text.parse::<toml_edit::DocumentMut>() else { return text };
+        let here = std::path::absolute(self.out.join("scenario.toml")).unwrap_or_default();
+        for (table, key) in [
+            ("chaser", "model"),
+            ("target", "model"),
+            ("mechanism", "active"),
+            ("mechanism", "passive"),
+        ] {
+            let Some(named) = doc.get(table).and_then(|t| t.get(key)).and_then(|v| v.as_str())
+            else {
+                continue;
+            };
+            let named = PathBuf::from(named);
+            if docktwin_scenario::resolve_path(&here, &named).is_some() {
+                continue;
+            }
+            let read = self.scenario.files.iter().find(|f| f.path.ends_with(&named));
+            if let Some(path) = read.and_then(|f| std::path::absolute(&f.path).ok()) {
+                doc[table][key] = toml_edit::value(path.display().to_string());
+            }
+        }
+        doc.to_string()
+    }
+}
+
+/// Name of a file for a metadata key.
+pub(crate) fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn progress(ticks: u64, json: bool) -> indicatif::ProgressBar {
+    if json || !std::io::stderr().is_terminal() {
+        return indicatif::ProgressBar::hidden();
+    }
+    let style = indicatif::ProgressStyle::with_template("{bar:40} {percent}% {eta} left")
+        .unwrap_or_else(|_| indicatif::ProgressStyle::default_bar());
+    indicatif::ProgressBar::new(ticks).with_style(style)
+}
+
+/// A pair of surfaces as the events tell it.
+#[derive(Clone, Copy, Default)]
+struct PairStory {
+    since_s: Option<f64>,
+    last_s: f64,
+    peak_n: f64,
+}
+
+/// What is gathered along a run.
+struct Run {
+    monitor: Monitor,
+    events: Vec<Event>,
+    row: Vec<docktwin_record::Cell>,
+    contacts: Vec<ContactRow>,
+    arrows: Vec<ContactArrow>,
+    pairs: [PairStory; PAIRS],
+    latches: [LatchPhase; 3],
+    captured: bool,
+    thrust: [bool; 2],
+    frame_due: bool,
+    chain: StateHasher,
+    histogram: Histogram<u64>,
+    steps: u64,
+    energy_start: Option<f64>,
+    energy_in: f64,
+    energy_error: f64,
+    momentum_start: Option<Wrench>,
+    momentum_scale: (f64, f64),
+    momentum_error: f64,
+    exit_speed: Option<f64>,
+    gap_s: f64,
+}
+
+impl Run {
+    fn new() -> Self {
+        let histogram = Histogram::new_with_bounds(1, 100_000_000_000, 3)
+            .expect("1 ns to 100 s at three digits is a valid histogram");
+        Self {
+            monitor: Monitor::default(),
+            events: Vec::new(),
+            row: Vec::new(),
+            contacts: Vec::new(),
+            arrows: Vec::new(),
+            pairs: [PairStory::default(); PAIRS],
+            latches: [LatchPhase::Free; 3],
+            captured: false,
+            thrust: [false; 2],
+            frame_due: true,
+            chain: StateHasher::new(),
+            histogram,
+            steps: 0,
+            energy_start: None,
+            energy_in: 0.0,
+            energy_error: 0.0,
+            momentum_start: None,
+            momentum_scale: (0.0, 0.0),
+            momentum_error: 0.0,
+            exit_speed: None,
+            gap_s: CONTACT_GAP_S,
+        }
+    }
+
+    fn chain(&mut self, digest: docktwin_core::Digest) {
+        self.chain.bytes(&digest.0);
+    }
+
+    fn timing(&mut self, nanos: u128, steps: u32) {
+        let per_step = nanos / u128::from(steps.max(1));
+        self.histogram.saturating_record(u64::try_from(per_step).unwrap_or(u64::MAX).max(1));
+        self.steps += u64::from(steps);
+    }
+
+    fn contact_rows(&mut self, now: &Instant<'_>) {
+        self.contacts.clear();
+        self.contacts.extend(now.contacts().iter().map(|c| ContactRow {
+            pair: u16::try_from(c.pair).unwrap_or(u16::MAX),
+            point_w_m: c.point_w_m,
+            normal_w: c.normal_w_n.normalize_or_zero(),
+            depth_m: c.depth_m,
+            normal_force_n: c.normal_w_n.length(),
+            friction_w_n: c.friction_w_n,
+        }));
+    }
+
+    fn observe(
+        &mut self,
+        system: &System,
+        now: &Instant<'_>,
+        control: &Inputs,
+        tick: Tick,
+        time: SimTime,
+    ) -> Result<(), Failure> {
+        let t = time.seconds();
+        self.monitor.observe(system.mechanism(), &now.state.mechanism, &now.observation(t));
+        self.account(system, now);
+        let mut tell = |kind: &str, text: String, body: serde_json::Value| {
+            self.events.push(Event::new(tick, time, kind, text, body));
+        };
+        // Contacts, pair by pair.
+        let mut force = [None; PAIRS];
+        for c in now.contacts() {
+            let f: &mut Option<f64> = &mut force[c.pair];
+            *f = Some(f.unwrap_or(0.0) + c.normal_w_n.length());
+        }
+        for (i, story) in self.pairs.iter_mut().enumerate() {
+            let pair = SurfacePair::from_index(i);
+            match (force[i], story.since_s) {
+                (Some(f), None) => {
+                    *story = PairStory { since_s: Some(t), last_s: t, peak_n: f };
+                    tell(
+                        "contact_begin",
+                        format!("t = {t:.3} s {pair} touch"),
+                        json!({ "pair": pair.to_string(), "force_n": f }),
+                    );
+                }
+                (Some(f), Some(_)) => {
+                    story.last_s = t;
+                    story.peak_n = story.peak_n.max(f);
+                }
+                (None, Some(since)) if t - story.last_s > self.gap_s => {
+                    let (last, peak) = (story.last_s, story.peak_n);
+                    *story = PairStory::default();
+                    tell(
+                        "contact_end",
+                        format!("t = {last:.3} s {pair} part after {:.3} s, peak {:.2} kN", last - since, peak * 1e-3),
+                        json!({ "pair": pair.to_string(), "since_s": since, "until_s": last, "peak_n": peak }),
+                    );
+                }
+                _ => {}
+            }
+        }
+        for (i, (seen, l)) in self.latches.iter_mut().zip(&now.state.mechanism.latches).enumerate() {
+            if l.phase == *seen {
+                continue;
+            }
+            let (kind, word) = match l.phase {
+                LatchPhase::Free => ("latch_free", "is free again"),
+                LatchPhase::Approach => ("latch_approach", "approaches its striker"),
+                LatchPhase::Struck => ("latch_strike", "is struck"),
+                LatchPhase::Latched => ("latched", "has caught"),
+            };
+            *seen = l.phase;
+            tell(
+                kind,
+                format!("t = {t:.3} s latch {} {word}", i + 1),
+                json!({ "latch": i + 1, "gap_m": now.measured.latches[i].axial_m }),
+            );
+        }
+        if !self.captured {
+            if let Some(at) = now.state.mechanism.captured_s() {
+                self.captured = true;
+                tell(
+                    "captured",
+                    format!("t = {at:.3} s all three latches hold: the rings are joined"),
+                    json!({ "capture_s": at }),
+                );
+            }
+        }
+        let thrusting = [control.chaser, control.target].map(|w| w != Wrench::ZERO);
+        for (i, name) in ["chaser", "target"].into_iter().enumerate() {
+            if thrusting[i] != self.thrust[i] {
+                self.thrust[i] = thrusting[i];
+                let (kind, word) = if thrusting[i] { ("thrust_on", "on") } else { ("thrust_off", "off") };
+                tell(kind, format!("t = {t:.3} s thrust of the {name} {word}"), json!({ "on": name }));
+            }
+        }
+        if let Some(l) = self.monitor.limit() {
+            tell(
+                "limit",
+                format!("t = {t:.3} s {} passed its limit of {:.4}: {:.4}", l.name, l.limit, l.reached),
+                json!({ "limit": l.name, "value": l.limit, "reached": l.reached }),
+            );
+        }
+        Ok(())
+    }
+
+    fn account(&mut self, system: &System, now: &Instant<'_>) {
+        let e = &now.energy;
+        let start = *self.energy_start.get_or_insert(e.kinetic + e.stored);
+        self.energy_in = start + e.work_in.max(0.0);
+        let balance = start + e.work_in - e.kinetic - e.stored - e.lost;
+        self.energy_error = self.energy_error.max((balance / self.energy_in).abs());
+
+        let p0 = *self.momentum_start.get_or_insert_with(|| {
+            // Scale: linear and angular momentum of the chaser about the common mass centre, which
+            // rests at the origin; at least one metre of lever where it comes straight on.
+            let (c, m) = (&now.state.bodies[0], &system.mass()[0]);
+            let p = c.v * m.mass();
+            let l = (c.p.cross(p) + c.l).length();
+            self.momentum_scale = (p.length(), l.max(p.length()));
+            now.momentum
+        });
+        let (dp, dl) = (
+            now.momentum.f - p0.f - now.state.impulse_in.f,
+            now.momentum.m - p0.m - now.state.impulse_in.m,
+        );
+        let (sp, sl) = self.momentum_scale;
+        self.momentum_error = self.momentum_error.max(dp.length() / sp).max(dl.length() / sl);
+        if !now.measured.contacts().touching() && now.state.first_contact_s.is_some() {
+            self.exit_speed = Some(now.relative.v.length());
+        } else {
+            self.exit_speed = None;
+        }
+    }
+
+    fn summary(
+        &self,
+        setup: &Setup<'_>,
+        state: &DockingState,
+        judgement: &Judgement,
+        ticks: u64,
+        time: SimTime,
+    ) -> Summary {
+        let scenario = setup.scenario;
+        let capture_s = state.mechanism.captured_s();
+        let measured = Result_ {
+            outcome: match judgement.outcome {
+                Judged::Captured => ExpectedOutcome::Captured,
+                Judged::Rebounded => ExpectedOutcome::Rebounded,
+                Judged::Missed => ExpectedOutcome::Missed,
+                Judged::Jammed => ExpectedOutcome::Jammed,
+                Judged::LimitExceeded => ExpectedOutcome::LimitExceeded,
+            },
+            first_contact_s: state.first_contact_s,
+            capture_s,
+            peak_force_n: state.peak_force_n,
+            peak_moment_nm: state.peak_moment_nm,
+            peak_penetration_m: state.peak_depth_m,
+            impulse_ns: state.impulse_ns,
+            exit_speed_m_s: if capture_s.is_some() { None } else { self.exit_speed },
+        };
+        let mut failures = scenario.expect.failures(&measured);
+        if self.energy_error > ENERGY_TOLERANCE {
+            failures.push(format!(
+                "the energy account does not close: off by {:.3} % of the energy put in",
+                self.energy_error * 100.0
+            ));
+        }
+        #[expect(clippy::cast_precision_loss, reason = "times far below 2^53 ns")]
+        let us = |q: f64| self.histogram.value_at_quantile(q) as f64 * 1e-3;
+        #[expect(clippy::cast_precision_loss, reason = "times far below 2^53 ns")]
+        let max_us = self.histogram.max() as f64 * 1e-3;
+        Summary {
+            schema_version: SUMMARY_SCHEMA,
+            tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+            scenario: scenario.name.clone(),
+            seed: setup.seed,
+            state_digest: self.chain.finish().to_string(),
+            outcome: match judgement.outcome {
+                Judged::Captured => Outcome::Captured,
+                Judged::Rebounded => Outcome::Rebounded,
+                Judged::Missed => Outcome::Missed,
+                Judged::Jammed => Outcome::Jammed,
+                Judged::LimitExceeded => Outcome::LimitExceeded,
+            },
+            verdict: if failures.is_empty() { Verdict::Pass } else { Verdict::Fail },
+            failure_reason: (!failures.is_empty()).then(|| {
+                format!("{} [{}: {}]", failures.join("; "), judgement.outcome.name(), judgement.reason)
+            }),
+            first_contact_s: state.first_contact_s,
+            capture_s,
+            latches_s: state.mechanism.latches.map(|l| l.times_s[2]).to_vec(),
+            peak_force_n: state.peak_force_n,
+            peak_moment_nm: state.peak_moment_nm,
+            impulse_ns: state.impulse_ns,
+            peak_penetration_m: state.peak_depth_m,
+            energy_in_j: self.energy_in,
+            energy_dissipated_j: state.mechanism.losses.total(),
+            energy_balance_error: self.energy_error,
+            momentum_error: self.momentum_error,
+            duration_s: time.seconds(),
+            ticks,
+            wall_s: 0.0,
+            realtime_factor: 0.0,
+            step_us: StepUs {
+                p50: us(0.5),
+                p99: us(0.99),
+                p999: us(0.999),
+                max: max_us,
+                n: self.steps,
+            },
+            loop_: None,
+            fidelity: None,
+            safety: None,
+            recording: None,
+        }
+    }
+}
+
+fn show(
+    view: &mut SceneWriter,
+    scenario: &Scenario,
+    now: &Instant<'_>,
+    time: SimTime,
+    arrows: &mut Vec<ContactArrow>,
+) -> Result<(), Failure> {
+    arrows.clear();
+    // The viewer shows what the active side feels.
+    arrows.extend(now.contacts().iter().map(|c| ContactArrow {
+        pair: c.pair,
+        point_w_m: c.point_w_m,
+        normal_force_w_n: -c.normal_w_n,
+        friction_w_n: -c.friction_w_n,
+        depth_m: c.depth_m,
+    }));
+    let frames = now.measured.poses();
+    view.frame(&Frame {
+        time,
+        // From the ports, because the chaser's mass centre moves when the ring is part of it.
+        x_world_chaser: frames.x_w3 * scenario.chaser.x_body_port.inverse(),
+        x_world_target: frames.x_w4 * scenario.target.x_body_port.inverse(),
+        x_world_ring: frames.x_wr,
+        contacts: arrows,
+        latches: now.state.mechanism.latches.map(|l| l.phase as u8),
+        scalars: &now.scalars(),
+    })?;
+    Ok(())
+}
+
+fn print(s: &Summary, scenario: &Scenario, out: &Path) {
+    let seconds = |t: Option<f64>| t.map_or("–".to_owned(), |t| format!("{t:.3} s"));
+    println!("{}: {} ({})", s.scenario, s.outcome, s.verdict);
+    if let Some(reason) = &s.failure_reason {
+        println!("  because        {reason}");
+    }
+    println!("  expected       {}", scenario.expect.outcome);
+    println!("  first contact  {}", seconds(s.first_contact_s));
+    println!("  capture        {}", seconds(s.capture_s));
+    let latches: Vec<String> = s.latches_s.iter().map(|t| seconds(*t)).collect();
+    println!("  latches        {}", latches.join(", "));
+    println!("  peak force     {:.1} N, moment {:.1} N·m, depth {:.3} mm", s.peak_force_n, s.peak_moment_nm, s.peak_penetration_m * 1e3);
+    println!("  impulse        {:.2} N·s", s.impulse_ns);
+    println!("  energy         {:.3} J in, {:.3} J dissipated, account off by {:.1e}", s.energy_in_j, s.energy_dissipated_j, s.energy_balance_error);
+    println!("  momentum       off by {:.1e}", s.momentum_error);
+    println!("  time           {:.1} s simulated in {:.2} s: {:.0} × real time", s.duration_s, s.wall_s, s.realtime_factor);
+    println!("  step           p50 {:.1} µs, p99 {:.1} µs, p99.9 {:.1} µs, max {:.1} µs, n {}", s.step_us.p50, s.step_us.p99, s.step_us.p999, s.step_us.max, s.step_us.n);
+    println!("  state digest   {}", s.state_digest);
+    println!("  written to     {}", out.display());
+    println!("Replay it with: docktwin replay {}", out.display());
+}

@@ -1,0 +1,147 @@
+//! `replay`: the recorded inputs through the same twin, compared tick by tick.
+
+use std::{path::Path, process::ExitCode};
+
+use docktwin_core::{DVec3, Wrench};
+use docktwin_model::FileDigest;
+use docktwin_physics::reduced::{DockingTwin, Inputs, ReducedTwin};
+use docktwin_record::{Cell, RunReader};
+use docktwin_scenario::load_scenario;
+use docktwin_twin::FullTwin;
+use serde_json::json;
+
+use crate::{
+    cli::ReplayArgs,
+    failure::{Failure, OTHERWISE},
+    rehearse::{file_name, start},
+    signals::input_columns,
+};
+
+/// What a replay found.
+struct Found {
+    ticks: u64,
+    cut: Option<String>,
+    first_difference: Option<(u64, f64, u64, u64)>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
+    let mut reader = RunReader::open(&args.run)?;
+    let metadata = reader.metadata().clone();
+    let of = |key: &str| {
+        metadata.get(key).cloned().ok_or_else(|| Failure::Usage {
+            what: format!("{} names no `{key}`", args.run.display()),
+            remedy: "this recording was not made by `docktwin rehearse`".to_owned(),
+        })
+    };
+    let number = |key: &str| {
+        of(key)?.parse::<u64>().map_err(|e| Failure::Usage {
+            what: format!("`{key}` of {}: {e}", args.run.display()),
+            remedy: "the recording is damaged; use another copy".to_owned(),
+        })
+    };
+    let scenario = load_scenario(&args.run.join("scenario.toml"), &[])?;
+    same_files(&scenario.files, &metadata, &args.run)?;
+    let (tick_nanos, steps) = (number("tick_nanos")?, number("steps_per_tick")?);
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
+    let h = tick_nanos as f64 * 1e-9 / steps as f64;
+    let twin = of("twin")?;
+    let (system, bodies) = start(&scenario);
+    let found = match twin.as_str() {
+        "full" => compare(&mut reader, FullTwin::new(system, bodies, h), steps, &args.run)?,
+        "reduced" => compare(&mut reader, ReducedTwin::new(system, bodies, h), steps, &args.run)?,
+        other => {
+            return Err(Failure::Usage {
+                what: format!("the recording was made by a twin called `{other}`"),
+                remedy: "this version knows `full` and `reduced`".to_owned(),
+            });
+        }
+    };
+    let same = found.first_difference.is_none();
+    if json {
+        let difference = found.first_difference.map(|(tick, time_s, recorded, replayed)| {
+            json!({
+                "tick": tick, "time_s": time_s,
+                "recorded": format!("{recorded:016x}"), "replayed": format!("{replayed:016x}"),
+            })
+        });
+        println!(
+            "{}",
+            json!({ "identical": same, "ticks": found.ticks, "first_difference": difference, "cut": found.cut })
+        );
+    } else {
+        if let Some(cut) = &found.cut {
+            eprintln!("the recording is cut: {cut}");
+        }
+        match found.first_difference {
+            None => println!("identical: {} ticks, every state digest the same", found.ticks),
+            Some((tick, time_s, recorded, replayed)) => println!(
+                "differs first at tick {tick} (t = {time_s:.3} s): recorded {recorded:016x}, replayed {replayed:016x}"
+            ),
+        }
+    }
+    Ok(ExitCode::from(if same { 0 } else { OTHERWISE }))
+}
+
+fn same_files(
+    files: &[FileDigest],
+    metadata: &std::collections::BTreeMap<String, String>,
+    run: &Path,
+) -> Result<(), Failure> {
+    let changed: Vec<String> = files
+        .iter()
+        .filter(|f| file_name(&f.path) != "scenario.toml")
+        .filter_map(|f| {
+            let name = file_name(&f.path);
+            let then = metadata.get(&format!("digest:{name}"))?;
+            (*then != f.digest.to_string())
+                .then(|| format!("{} was {then}, is {}", f.path.display(), f.digest))
+        })
+        .collect();
+    if changed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Usage {
+        what: format!("model files changed since {} was recorded:\n{}", run.display(), changed.join("\n")),
+        remedy: "restore the files of that day, or rehearse again".to_owned(),
+    })
+}
+
+fn compare<T: DockingTwin>(
+    reader: &mut RunReader,
+    mut twin: T,
+    steps: u64,
+    run: &Path,
+) -> Result<Found, Failure> {
+    let index = |name: &str| {
+        reader.column_index(name).ok_or_else(|| Failure::Usage {
+            what: format!("{} has no column `{name}`", run.display()),
+            remedy: "the recording was made by another version; replay it with that one".to_owned(),
+        })
+    };
+    let inputs: Vec<usize> =
+        input_columns().iter().map(|n| index(n)).collect::<Result<_, Failure>>()?;
+    let digest = index("state_digest")?;
+    let mut found = Found { ticks: 0, cut: None, first_difference: None };
+    while let Some(record) = reader.next_tick()? {
+        found.ticks += 1;
+        let recorded = record.row[digest].bits();
+        let replayed = twin.digest().short();
+        if recorded != replayed {
+            found.first_difference =
+                Some((record.tick.0, record.time.seconds(), recorded, replayed));
+            break;
+        }
+        let number = |i: usize| f64::from_bits(Cell::bits(record.row[inputs[i]]));
+        let vector = |i: usize| DVec3::new(number(i), number(i + 1), number(i + 2));
+        let control = Inputs {
+            chaser: Wrench { f: vector(0), m: vector(3) },
+            target: Wrench { f: vector(6), m: vector(9) },
+        };
+        for _ in 0..steps {
+            twin.step(&control);
+        }
+    }
+    found.cut = reader.cut().map(|c| c.to_string());
+    Ok(found)
+}

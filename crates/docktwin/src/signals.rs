@@ -1,0 +1,249 @@
+//! What is recorded of a docking, and in which columns.
+
+use docktwin_core::{DVec3, Euler, Twist, Wrench};
+use docktwin_physics::{
+    contact::ContactSample,
+    mechanism::{CHASER, Forces, Measured, RING, System, TARGET},
+    outcome::Observation,
+    reduced::{DockingState, Energy, Inputs},
+};
+use docktwin_record::{Cell, Column};
+use docktwin_view::{Energies, Scalars};
+
+/// Most places of contact recorded in one tick.
+pub(crate) const MAX_CONTACTS: usize = 32;
+
+/// One instant, everything derived from the state.
+pub(crate) struct Instant<'a> {
+    pub(crate) state: &'a DockingState,
+    pub(crate) measured: Measured,
+    pub(crate) forces: Forces,
+    pub(crate) energy: Energy,
+    pub(crate) momentum: Wrench,
+    pub(crate) contacts: [ContactSample; MAX_CONTACTS],
+    pub(crate) contact_count: usize,
+    /// Motion of `e4` against `e3` at the passive ring's centre, axes of `e3`.
+    pub(crate) relative: Twist,
+    /// F3, M3: on the chaser at the origin of `e3`, in `e3`.
+    pub(crate) port3: Wrench,
+    /// F4, M4: on the target at the origin of `e4`, in `e4`.
+    pub(crate) port4: Wrench,
+    pub(crate) overtravel_m: f64,
+}
+
+impl<'a> Instant<'a> {
+    /// Looks at a state. `h` is the physics step, over which friction is evaluated.
+    pub(crate) fn new(system: &System, state: &'a DockingState, time_s: f64, h: f64) -> Self {
+        let poses = state.poses();
+        let com = poses.map(|x| x.p);
+        let mass = system.mass();
+        let measured = system.measure(&state.mechanism, &poses);
+        let twist: [Twist; 3] = core::array::from_fn(|i| state.bodies[i].twist(&mass[i]));
+        let forces = system.forces(&measured, &state.mechanism, &com, &twist, time_s, h);
+        let frames = *measured.poses();
+        let about = frames.x_wr.p;
+        let at = |i: usize, p: DVec3| Twist {
+            v: twist[i].v + twist[i].w.cross(p - com[i]),
+            w: twist[i].w,
+        };
+        let mut contacts = [ContactSample::default(); MAX_CONTACTS];
+        let contact_count = measured.contacts().samples(
+            about,
+            at(RING, about),
+            at(TARGET, about),
+            h,
+            &mut contacts,
+        );
+        let p = frames.x_wp.p;
+        let (c, t) = (at(CHASER, p), at(TARGET, p));
+        let back = frames.x_w3.q.conjugate();
+        // With a rigid ring the chaser feels the target directly.
+        let on_chaser =
+            if system.rigid() { -forces.on_target } else { -forces.on_ring_from_attenuator };
+        let port3 = on_chaser.shifted(frames.x_w3.p - about).rotated(back);
+        let port4 =
+            forces.on_target.shifted(frames.x_w4.p - about).rotated(frames.x_w4.q.conjugate());
+        Self {
+            energy: system.energy(state, &measured),
+            momentum: system.momentum(state),
+            contacts,
+            contact_count,
+            relative: Twist { v: back * (t.v - c.v), w: back * (t.w - c.w) },
+            port3,
+            port4,
+            overtravel_m: system.overtravel_m(&measured),
+            state,
+            measured,
+            forces,
+        }
+    }
+
+    /// What the monitor looks at.
+    pub(crate) fn observation(&self, time_s: f64) -> Observation {
+        let frames = self.measured.poses();
+        let ring = docktwin_core::Pose::new(frames.x_wp.p, frames.x_w4.q);
+        Observation {
+            time_s,
+            x_ring: frames.x_wr.inverse() * ring,
+            relative: self.relative,
+            touching: self.measured.contacts().touching(),
+            interface: self
+                .forces
+                .on_target
+                .shifted(frames.x_wp.p - frames.x_wr.p)
+                .rotated(frames.x_w4.q.conjugate()),
+            depth_m: self.state.peak_depth_m,
+            overtravel_m: self.overtravel_m,
+        }
+    }
+
+    /// Places of contact.
+    pub(crate) fn contacts(&self) -> &[ContactSample] {
+        &self.contacts[..self.contact_count]
+    }
+
+    /// Curves for the viewer.
+    pub(crate) fn scalars(&self) -> Scalars {
+        let frames = self.measured.poses();
+        let x_34 = frames.x_w3.inverse() * frames.x_w4;
+        let deflection = self.measured.deflection();
+        let degrees = |e: Euler| DVec3::new(e.roll, e.pitch, e.yaw) * (180.0 / core::f64::consts::PI);
+        let lost = &self.state.mechanism.losses;
+        Scalars {
+            relative_position_m: x_34.p,
+            relative_attitude_deg: degrees(Euler::from_quat(x_34.q)),
+            relative_velocity_m_s: self.relative.v,
+            relative_rate_deg_s: self.relative.w * (180.0 / core::f64::consts::PI),
+            ring_deflection_mm: deflection.d * 1e3,
+            ring_tilt_deg: deflection.psi * (180.0 / core::f64::consts::PI),
+            port_force_n: self.port3.f,
+            port_moment_nm: self.port3.m,
+            contact_normal_sum_n: self.contacts().iter().map(|c| c.normal_w_n.length()).sum(),
+            energy: Energies {
+                kinetic_relative_j: self.energy.kinetic,
+                stored_j: self.energy.stored,
+                dissipated_friction_j: lost.friction,
+                dissipated_contact_j: lost.contact + lost.joint + lost.capture,
+                dissipated_attenuator_j: lost.attenuator,
+            },
+            latch_gap_m: self.measured.latches.map(|l| l.axial_m),
+        }
+    }
+}
+
+const XYZ: [&str; 3] = ["x", "y", "z"];
+
+/// Columns of the recording, in the order of [`row`].
+pub(crate) fn columns() -> Vec<Column> {
+    let mut out = Vec::new();
+    let mut vector = |topic: &str, name: &str, unit: &str| {
+        for a in XYZ {
+            out.push(Column::f64(topic, format!("{name}_{a}_{unit}")));
+        }
+    };
+    for body in ["chaser", "ring", "target"] {
+        let topic = format!("/{body}");
+        vector(&topic, &format!("{body}_position"), "m");
+        vector(&topic, &format!("{body}_velocity"), "m_s");
+        vector(&topic, &format!("{body}_rate"), "rad_s");
+    }
+    vector("/relative", "relative_position", "m");
+    vector("/relative", "relative_attitude", "rad");
+    vector("/relative", "relative_velocity", "m_s");
+    vector("/relative", "relative_rate", "rad_s");
+    vector("/attenuator", "ring_deflection", "m");
+    vector("/attenuator", "ring_rotation", "rad");
+    vector("/loads", "port3_force", "n");
+    vector("/loads", "port3_moment", "nm");
+    vector("/loads", "port4_force", "n");
+    vector("/loads", "port4_moment", "nm");
+    vector("/loads", "contact_force", "n");
+    for body in ["chaser", "target"] {
+        vector("/inputs", &format!("{body}_control_force"), "n");
+        vector("/inputs", &format!("{body}_control_moment"), "nm");
+    }
+    vector("/momentum", "linear_momentum", "kg_m_s");
+    vector("/momentum", "angular_momentum", "kg_m2_s");
+    for body in ["chaser", "ring", "target"] {
+        for a in ["w", "x", "y", "z"] {
+            out.push(Column::f64(format!("/{body}"), format!("{body}_attitude_{a}")));
+        }
+    }
+    for kind in [
+        "kinetic", "stored", "lost_contact", "lost_friction", "lost_attenuator", "lost_joint",
+        "lost_capture", "work_in",
+    ] {
+        out.push(Column::f64("/energy", format!("energy_{kind}_j")));
+    }
+    for i in 1..=3 {
+        out.push(Column::u64("/latches", format!("latch_{i}_phase")));
+    }
+    for i in 1..=3 {
+        out.push(Column::f64("/latches", format!("latch_{i}_gap_m")));
+    }
+    out.push(Column::f64("/contact", "contact_depth_m"));
+    out.push(Column::u64("/contact", "contact_places"));
+    out.push(Column::u64("/digest", "state_digest"));
+    out
+}
+
+/// One row; `out` is cleared and filled without growing after the first tick.
+pub(crate) fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64, out: &mut Vec<Cell>) {
+    out.clear();
+    let mut vector = |v: DVec3| out.extend(v.to_array().map(Cell::from));
+    for (b, m) in i.state.bodies.iter().zip(system.mass()) {
+        vector(b.p);
+        vector(b.v);
+        vector(b.rate_body(m));
+    }
+    let frames = i.measured.poses();
+    let x_34 = frames.x_w3.inverse() * frames.x_w4;
+    let e = Euler::from_quat(x_34.q);
+    vector(x_34.p);
+    vector(DVec3::new(e.roll, e.pitch, e.yaw));
+    vector(i.relative.v);
+    vector(i.relative.w);
+    let d = i.measured.deflection();
+    vector(d.d);
+    vector(d.psi);
+    for w in [i.port3, i.port4] {
+        vector(w.f);
+        vector(w.m);
+    }
+    vector(i.forces.contact_on_target);
+    for w in [inputs.chaser, inputs.target] {
+        vector(w.f);
+        vector(w.m);
+    }
+    vector(i.momentum.f);
+    vector(i.momentum.m);
+    for b in &i.state.bodies {
+        out.extend([b.q.w, b.q.x, b.q.y, b.q.z].map(Cell::from));
+    }
+    let l = &i.state.mechanism.losses;
+    out.extend(
+        [
+            i.energy.kinetic, i.energy.stored, l.contact, l.friction, l.attenuator, l.joint,
+            l.capture, i.energy.work_in,
+        ]
+        .map(Cell::from),
+    );
+    out.extend(i.state.mechanism.latches.map(|l| Cell::from(l.phase as u64)));
+    out.extend(i.measured.latches.map(|l| Cell::from(l.axial_m)));
+    out.push(Cell::from(i.measured.contacts().deepest_m()));
+    out.push(Cell::from(i.contact_count as u64));
+    out.push(Cell::from(digest));
+}
+
+/// Names of the control wrench columns, in the order of [`Inputs`].
+pub(crate) fn input_columns() -> Vec<String> {
+    let mut out = Vec::new();
+    for body in ["chaser", "target"] {
+        for (part, unit) in [("force", "n"), ("moment", "nm")] {
+            for a in XYZ {
+                out.push(format!("{body}_control_{part}_{a}_{unit}"));
+            }
+        }
+    }
+    out
+}
