@@ -9,38 +9,65 @@ use std::{
 
 use crate::{scenarios, shell, validation};
 
-/// A step: what it is called and what it does.
-type Step = (&'static str, fn(&Path) -> Result<(), String>);
+/// A step of the gate.
+struct Step {
+    name: &'static str,
+    what: &'static str,
+    run: fn(&Path) -> Result<(), String>,
+}
 
 const STEPS: &[Step] = &[
-    ("format: cargo fmt --check", format),
-    ("lints: cargo clippy --workspace --all-targets -- -D warnings", lints),
-    ("docs: cargo doc --workspace --no-deps, warnings denied", docs),
-    ("build: cargo test --workspace --no-run", build),
-    ("tests: cargo test --workspace", tests),
-    ("scenarios: every file of scenarios/ with both twins", scenarios::rehearse_all),
-    ("replay: a recording of each twin, tick by tick", scenarios::replay),
-    ("validation: MuJoCo against docktwin", validation::run),
+    Step { name: "format", what: "cargo fmt --check", run: format },
+    Step {
+        name: "lints",
+        what: "cargo clippy --workspace --all-targets -- -D warnings",
+        run: lints,
+    },
+    Step { name: "docs", what: "cargo doc --workspace --no-deps, warnings denied", run: docs },
+    Step { name: "build", what: "cargo test --workspace --no-run", run: build },
+    Step { name: "tests", what: "cargo test --workspace", run: tests },
+    Step {
+        name: "scenarios",
+        what: "docktwin rehearse of every file of scenarios/, both twins",
+        run: scenarios::rehearse_all,
+    },
+    Step {
+        name: "replay",
+        what: "docktwin replay of a recording of each twin",
+        run: scenarios::replay,
+    },
+    Step {
+        name: "validation",
+        what: "python -m pytest validation: MuJoCo against docktwin",
+        run: validation::run,
+    },
 ];
 
-/// Runs the steps until one fails.
-pub(crate) fn run(root: &Path) -> ExitCode {
+/// Names of the steps, in their order.
+pub(crate) fn names() -> Vec<&'static str> {
+    STEPS.iter().map(|s| s.name).collect()
+}
+
+/// Runs the steps, or `only` one of them, until one fails.
+pub(crate) fn run(root: &Path, only: Option<&str>) -> ExitCode {
+    let steps: Vec<&Step> = STEPS.iter().filter(|s| only.is_none_or(|o| o == s.name)).collect();
     let (mut passed, mut failed) = (0, 0);
     let all = Instant::now();
-    for (i, (name, step)) in STEPS.iter().enumerate() {
-        say(&format!("\n[{}/{}] {name}", i + 1, STEPS.len()));
+    for (i, step) in steps.iter().enumerate() {
+        let number = format!("[{}/{}]", i + 1, steps.len());
+        say(&format!("\n{number} {}: {}", step.name, step.what));
         let begin = Instant::now();
-        let done = step(root);
+        let done = (step.run)(root);
         let seconds = begin.elapsed().as_secs_f64();
         match done {
             Ok(()) => {
                 passed += 1;
-                say(&format!("[{}/{}] passed in {seconds:.1} s", i + 1, STEPS.len()));
+                say(&format!("{number} {} passed in {seconds:.1} s", step.name));
             }
             Err(why) => {
                 failed += 1;
-                say(&format!("[{}/{}] FAILED after {seconds:.1} s: {why}", i + 1, STEPS.len()));
-                let left = STEPS.len() - i - 1;
+                say(&format!("{number} {} FAILED after {seconds:.1} s: {why}", step.name));
+                let left = steps.len() - i - 1;
                 if left > 0 {
                     say(&format!("{left} further steps were not tried"));
                 }
@@ -48,7 +75,7 @@ pub(crate) fn run(root: &Path) -> ExitCode {
             }
         }
     }
-    say(&format!("\ngate of {} steps, {:.0} s", STEPS.len(), all.elapsed().as_secs_f64()));
+    say(&format!("\n{:.0} s", all.elapsed().as_secs_f64()));
     say(&format!("{passed} passed, {failed} failed"));
     if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
@@ -85,7 +112,11 @@ pub(crate) fn docs(root: &Path) -> Result<(), String> {
 fn build(root: &Path) -> Result<(), String> {
     shell::run(&mut shell::cargo(root, &["test", "--quiet", "--workspace", "--no-run"]))?;
     let binary = binary(root);
-    if binary.is_file() { Ok(()) } else { Err(format!("no binary was built: {}", binary.display())) }
+    if binary.is_file() {
+        Ok(())
+    } else {
+        Err(format!("no binary was built: {}", binary.display()))
+    }
 }
 
 fn tests(root: &Path) -> Result<(), String> {

@@ -22,16 +22,21 @@ struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  cargo xtask test      before every push; .ci/run calls exactly this
-  cargo xtask meshes    after a change of a ring, a petal or a hull under models/urdf
-  cargo xtask docs      the public API, as HTML under target/doc";
+  cargo xtask test                     before every push; .ci/run calls exactly this
+  cargo xtask test --only scenarios    one step again, while mending it
+  cargo xtask meshes                   after a change of a ring, a petal or a hull
+  cargo xtask docs                     the public API, as HTML under target/doc";
 
 #[derive(Debug, Subcommand)]
 enum Task {
     /// Everything CI checks: format, lints, docs, tests, every scenario, replay, MuJoCo
     ///
     /// Stops at the first step that fails. The last line counts the steps: `N passed, N failed`.
-    Test,
+    Test {
+        /// Only this step; it finds what the steps before it left
+        #[arg(long, value_name = "STEP", value_parser = gate::names())]
+        only: Option<String>,
+    },
     /// Write meshes/ again from the parameters of the models
     Meshes,
     /// Build the documentation of the public API, warnings denied
@@ -41,7 +46,7 @@ enum Task {
 fn main() -> ExitCode {
     let root = root();
     let done = match Cli::parse().task {
-        Task::Test => return gate::run(&root),
+        Task::Test { only } => return gate::run(&root, only.as_deref()),
         Task::Meshes => meshes(&root),
         Task::Docs => gate::docs(&root).map(|()| {
             println!("open {}", root.join("target/doc/docktwin/index.html").display());

@@ -8,7 +8,11 @@ use std::{
 };
 
 /// A command with words, in `dir`.
-pub(crate) fn command<S: AsRef<OsStr>>(dir: &Path, program: impl AsRef<OsStr>, args: &[S]) -> Command {
+pub(crate) fn command<S: AsRef<OsStr>>(
+    dir: &Path,
+    program: impl AsRef<OsStr>,
+    args: &[S],
+) -> Command {
     let mut c = Command::new(program);
     c.args(args).current_dir(dir);
     c

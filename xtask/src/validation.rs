@@ -48,7 +48,8 @@ fn environment(root: &Path) -> Result<PathBuf, String> {
     let mut install = shell::command(root, &python, &pip);
     install.args(["--requirement", REQUIREMENTS]);
     shell::run(&mut install)?;
-    std::fs::write(&stamp, wanted).map_err(|e| format!("{} cannot be written ({e})", of(&stamp)))?;
+    std::fs::write(&stamp, wanted)
+        .map_err(|e| format!("{} cannot be written ({e})", of(&stamp)))?;
     Ok(python)
 }
 
@@ -66,9 +67,7 @@ fn prerequisites(root: &Path) -> Result<(), String> {
             .to_owned());
     }
     if !has("import venv, ensurepip") {
-        return Err(
-            "Python's venv module is missing: `apt-get install python3-venv`".to_owned()
-        );
+        return Err("Python's venv module is missing: `apt-get install python3-venv`".to_owned());
     }
     Ok(())
 }

@@ -10,9 +10,10 @@ use std::{
 
 use docktwin_core::{DVec3, SimTime, StateHasher, Tick, Wrench};
 use docktwin_physics::{
+    body::BodyState,
     contact::{PAIRS, SurfacePair},
     initial::{ContactConditions, initial_state},
-    mechanism::{LatchPhase, System},
+    mechanism::{LatchPhase, MechanismState, System},
     outcome::{Judgement, Monitor, Outcome as Judged},
     reduced::{DockingState, DockingTwin, Inputs, ReducedTwin},
 };
@@ -84,7 +85,7 @@ fn default_directory(name: &str) -> PathBuf {
 }
 
 /// The bodies at the start.
-pub(crate) fn start(scenario: &Scenario) -> (System, [docktwin_physics::body::BodyState; 3]) {
+pub(crate) fn start(scenario: &Scenario) -> Result<(System, [BodyState; 3]), Failure> {
     let system = System::new(&scenario.chaser, &scenario.target, scenario.mechanism.clone());
     let i = &scenario.initial;
     let conditions = ContactConditions {
@@ -98,7 +99,23 @@ pub(crate) fn start(scenario: &Scenario) -> (System, [docktwin_physics::body::Bo
         rate_rad_s: i.rates_rad_s,
     };
     let bodies = initial_state(&system, &conditions, i.gap_m).bodies;
-    (system, bodies)
+    let touching = {
+        let mut rigid = bodies;
+        system.follow(&mut rigid);
+        system.measure(&MechanismState::default(), &rigid.map(|b| b.pose())).contacts().touching()
+    };
+    if touching {
+        return Err(Failure::Usage {
+            what: format!(
+                "{}: the sides overlap at the start, {} m before first contact: the lateral motion \
+                 taken back that far leads through the petals",
+                scenario.name, i.gap_m
+            ),
+            remedy: "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate"
+                .to_owned(),
+        });
+    }
+    Ok((system, bodies))
 }
 
 /// Control wrenches of a tick that starts at `time_s`.
@@ -164,12 +181,12 @@ impl Setup<'_> {
 
     fn rehearse<T: DockingTwin>(
         &self,
-        new: impl FnOnce(System, [docktwin_physics::body::BodyState; 3], f64) -> T,
+        new: impl FnOnce(System, [BodyState; 3], f64) -> T,
         rrd: bool,
         json: bool,
     ) -> Result<Summary, Failure> {
         let scenario = self.scenario;
-        let (system, bodies) = start(scenario);
+        let (system, bodies) = start(scenario)?;
         let pair_names: Vec<String> =
             (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
         let mut writer = RunWriter::create(

@@ -46,7 +46,7 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
     let h = tick_nanos as f64 * 1e-9 / steps as f64;
     let twin = of("twin")?;
-    let (system, bodies) = start(&scenario);
+    let (system, bodies) = start(&scenario)?;
     let found = match twin.as_str() {
         "full" => compare(&mut reader, FullTwin::new(system, bodies, h), steps, &args.run)?,
         "reduced" => compare(&mut reader, ReducedTwin::new(system, bodies, h), steps, &args.run)?,

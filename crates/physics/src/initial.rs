@@ -29,7 +29,7 @@ pub struct InitialState {
     pub bodies: [BodyState; 3],
     /// Free flight until first contact, s.
     pub time_to_contact_s: f64,
-    /// Distance of the ring centres along X3 at first contact, m.
+    /// Distance of the ring centres along X3 at the plane of first contact, m.
     pub contact_plane_m: f64,
     /// Whether the sides touch at all on this approach; if not, the plane is where the tips of one
     /// side reach the ring plane of the other.
@@ -39,11 +39,35 @@ pub struct InitialState {
 /// Goes back in free flight by `gap_m` along the closing motion.
 ///
 /// The chaser does not rotate before contact: all the relative rate is the target's, so that the
-/// ring rests in its attenuator.
+/// ring rests in its attenuator. Where the lateral motion leads away from the first touch, so that
+/// the way back would lead through the surfaces, the plane of first contact is moved out until the
+/// way is free; the touch then follows a little later.
 #[must_use]
 pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> InitialState {
+    let (first, touches) = contact_plane(system, c.attitude.to_quat(), c.lateral_m);
+    let time = if c.velocity_m_s.x < 0.0 { gap_m / -c.velocity_m_s.x } else { 0.0 };
+    let mut plane = first;
+    loop {
+        let (bodies, free) = taken_back(system, c, plane, time);
+        if free || !touches || plane > first + PLANE_SEARCH {
+            return InitialState {
+                bodies,
+                time_to_contact_s: time,
+                contact_plane_m: plane,
+                touches,
+            };
+        }
+        plane += 1e-3;
+    }
+}
+
+/// How far the plane of first contact may be moved out, m.
+const PLANE_SEARCH: f64 = 0.3;
+
+/// States at the start for a plane of first contact, and whether the sides are apart all the way
+/// back from it.
+fn taken_back(system: &System, c: &ContactConditions, plane: f64, time: f64) -> ([BodyState; 3], bool) {
     let q_34 = c.attitude.to_quat();
-    let (plane, touches) = contact_plane(system, q_34, c.lateral_m);
     // e3 is at the origin with the axes of the world for the moment.
     let mech = system.mechanism();
     let rest = DVec3::X * mech.ring_rest_offset_m;
@@ -77,17 +101,19 @@ pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> Init
         body(RING, x_wr, still),
         body(TARGET, x_wt, Twist { v: v_t, w: w_t }),
     ];
-    let time = if c.velocity_m_s.x < 0.0 { gap_m / -c.velocity_m_s.x } else { 0.0 };
     // Back in steps short enough for the attitude to be exact to rounding.
     let steps = (time / 0.01).ceil().max(1.0);
     let mut left = steps;
+    let mut free = true;
     while left > 0.5 {
         for (b, m) in bodies.iter_mut().zip(mass) {
             b.drift(m, -time / steps);
         }
+        let poses = system.poses(&bodies.map(|b| b.pose()));
+        free &= !system.scene().touches(poses.x_wr.inverse() * poses.x_wp);
         left -= 1.0;
     }
-    InitialState { bodies, time_to_contact_s: time, contact_plane_m: plane, touches }
+    (bodies, free)
 }
 
 /// Distance of the ring centres along X3 at which the sides first touch, coming from afar.

@@ -126,8 +126,10 @@ impl Monitor {
             self.closest_m = o.x_ring.p.x;
             self.offset_at_closest_m = offset;
         }
-        // The guided zone: petals overlap axially and the centres are near enough sideways.
-        if o.x_ring.p.x <= 2.0 * petals && offset <= rules.guided_radius_m {
+        // The guided zone: the sides touch or their petals overlap axially, and the centres are near
+        // enough sideways.
+        let beside = o.touching || o.x_ring.p.x <= 2.0 * petals;
+        if beside && offset <= rules.guided_radius_m {
             self.guided = true;
             self.touched_guided |= o.touching;
         }

@@ -10,7 +10,7 @@
 //! the scheme is of second order, like the reduced twin's. [`FullTwin::state`] brings both to one
 //! instant.
 
-use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_physics::{
     body::BodyState,
     mechanism::{CHASER, RING, System, TARGET},
@@ -37,6 +37,25 @@ pub struct FullSnapshot {
     memory: DockingState,
 }
 
+/// Mass properties for rapier.
+///
+/// Not `MassProperties::with_inertia_matrix`: its closed-form eigenvectors are wrong where two
+/// principal moments are equal, as in every body of revolution (parry 0.31.1: diag(12.7, 6.4, 6.4)
+/// comes back with the large moment about another axis).
+fn mass_properties(mass: f64, inertia: DMat3) -> MassProperties {
+    let m = nalgebra::Matrix3::from_column_slice(&inertia.to_cols_array());
+    let eigen = m.symmetric_eigen();
+    let axis = |i: usize| {
+        let c = eigen.eigenvectors.column(i);
+        DVec3::new(c[0], c[1], c[2])
+    };
+    // A right-handed frame; only the sign of an axis is free.
+    let (x, y) = (axis(0), axis(1));
+    let frame = DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y))).normalize();
+    let principal = Vector::new(eigen.eigenvalues[0], eigen.eigenvalues[1], eigen.eigenvalues[2]);
+    MassProperties::with_principal_inertia_frame(Vector::ZERO, mass, principal, frame)
+}
+
 impl FullTwin {
     /// From the bodies at the start, with steps of `step_s` seconds.
     #[must_use]
@@ -56,9 +75,8 @@ impl FullTwin {
             let builder = if system.rigid() && i == RING {
                 RigidBodyBuilder::kinematic_position_based()
             } else {
-                RigidBodyBuilder::dynamic().additional_mass_properties(
-                    MassProperties::with_inertia_matrix(Vector::ZERO, m.mass(), m.inertia()),
-                )
+                RigidBodyBuilder::dynamic()
+                    .additional_mass_properties(mass_properties(m.mass(), m.inertia()))
             };
             world.bodies.insert(
                 builder
@@ -189,6 +207,28 @@ impl DockingTwin for FullTwin {
             b.set_position(RapierPose::from_parts(x.p, x.q), true);
             b.set_linvel(t.v, true);
             b.set_angvel(t.w, true);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn oracle_inertia_survives_the_way_into_rapier() {
+        for inertia in [
+            DMat3::from_diagonal(DVec3::new(12.7, 6.4, 6.4)),
+            DMat3::from_diagonal(DVec3::new(6.4, 6.4, 12.7)),
+            DMat3::from_diagonal(DVec3::splat(3.0)),
+            DMat3::from_cols(
+                DVec3::new(5.0, 0.4, -0.2),
+                DVec3::new(0.4, 6.0, 0.3),
+                DVec3::new(-0.2, 0.3, 7.0),
+            ),
+        ] {
+            let back = mass_properties(2.0, inertia).reconstruct_inertia_matrix();
+            assert!((back - inertia).abs_diff_eq(DMat3::ZERO, 1e-12), "{inertia} came back as {back}");
         }
     }
 }

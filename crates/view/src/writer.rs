@@ -22,6 +22,8 @@ const TRACE_CELL_M: f64 = 0.006;
 const TRACE_SEGMENT: usize = 32;
 /// Table, labels and peaks change at most so often, ns.
 const SUMMARY_PERIOD_NS: i64 = 10_000_000;
+/// So often they change even when nothing touches: the port still feels the attenuator, ns.
+const QUIET_PERIOD_NS: i64 = 100_000_000;
 /// Friction below this, N, has no arrow.
 const FRICTION_FROM_N: f64 = 1.0;
 /// Labels on either side of the view.
@@ -523,7 +525,12 @@ impl SceneWriter {
             (0..self.pairs.len()).filter(|i| self.pairs[*i].places > 0).collect();
         let s = &mut self.summary;
         s.due |= !touching.is_empty() || s.touching != touching;
-        if !s.due || (!end && s.written.is_some_and(|w| time - w < SUMMARY_PERIOD_NS)) {
+        let wait = match (end, s.due) {
+            (true, _) => 1,
+            (_, true) => SUMMARY_PERIOD_NS,
+            (_, false) => QUIET_PERIOD_NS,
+        };
+        if s.written.is_some_and(|w| time - w < wait) {
             return;
         }
         (s.touching, s.due, s.written) = (touching, false, Some(time));

@@ -24,6 +24,8 @@ const RING_INTERVALS: usize = 6;
 const CIRCLE_INTERVALS: usize = 24;
 /// Rulings of a petal for the first look, against a petal.
 const COARSE: usize = 5;
+/// Rounds of refinement from the first look, each about three times finer.
+const REFINEMENTS: usize = 3;
 /// Pieces along a ruling over which a line contact is spread.
 const ALONG: usize = 5;
 
@@ -166,6 +168,8 @@ pub struct Scene {
     active: Side,
     passive: Side,
     law: ContactLaw,
+    /// Farthest point of the passive side from its ring centre, m.
+    reach: f64,
     /// cos and sin of the nodes and middles of [`CIRCLE_INTERVALS`].
     around: [(f64, f64); 2 * CIRCLE_INTERVALS],
 }
@@ -185,11 +189,21 @@ pub struct ContactState {
     /// Last normal of each pair in contact, in the active ring's frame; zero when apart. It tells
     /// on which side a surface is once the cores have met.
     normals: [DVec3; PAIRS],
+    /// Distance by which each pair is still known to be apart, m: it need not be measured before
+    /// the sides have moved that far. Saves time, changes nothing, and is no part of the digest.
+    clearance: [f64; PAIRS],
+    /// `X_r3r4` for which the clearances hold.
+    measured_at: Option<Pose>,
 }
 
 impl Default for ContactState {
     fn default() -> Self {
-        Self { bristles: [[Bristle::default(); SLOTS]; PAIRS], normals: [DVec3::ZERO; PAIRS] }
+        Self {
+            bristles: [[Bristle::default(); SLOTS]; PAIRS],
+            normals: [DVec3::ZERO; PAIRS],
+            clearance: [0.0; PAIRS],
+            measured_at: None,
+        }
     }
 }
 
@@ -224,6 +238,8 @@ pub struct Contacts {
     q_wr: docktwin_core::DQuat,
     deepest: f64,
     touching: bool,
+    clearance: [f64; PAIRS],
+    x_rp: Pose,
 }
 
 /// Powers and energy of all contacts.
@@ -259,9 +275,16 @@ impl Scene {
             let (s, c) = (core::f64::consts::PI * i as f64 / CIRCLE_INTERVALS as f64).sin_cos();
             (c, s)
         });
+        let passive = Side::new(&m.passive);
+        let reach = passive
+            .petals
+            .iter()
+            .map(|p| p.centre.length() + p.reach + p.radius)
+            .fold(passive.circle.radius + passive.tube, f64::max);
         Self {
             active: Side::new(&m.active),
-            passive: Side::new(&m.passive),
+            passive,
+            reach,
             law: m.contact,
             around,
         }
@@ -285,6 +308,15 @@ impl Scene {
     pub fn measure(&self, state: &ContactState, x_wr: Pose, x_wp: Pose) -> Contacts {
         let x_rp = x_wr.inverse() * x_wp;
         let mut out = Contacts::none(&self.law, x_wr);
+        out.x_rp = x_rp;
+        // No point of the passive side has moved further than this since the clearances were found.
+        let moved = state.measured_at.map_or(f64::INFINITY, |last| {
+            let turn = last.q.conjugate() * x_rp.q;
+            (x_rp.p - last.p).length() + 2.1 * turn.xyz().length() * self.reach
+        });
+        for (now, then) in out.clearance.iter_mut().zip(state.clearance) {
+            *now = (then - moved).max(0.0);
+        }
         let passive_circle = Circle {
             centre: x_rp.p,
             axis: x_rp.q * DVec3::X,
@@ -301,9 +333,14 @@ impl Scene {
             radius: self.active.circle.radius,
         };
 
-        self.ring_ring(state, &passive_circle, x_wr, &mut out);
+        if out.clearance[0] <= 0.0 {
+            self.ring_ring(state, &passive_circle, x_wr, &mut out);
+        }
         for (i, petal) in self.active.petals.iter().enumerate() {
             let pair = SurfacePair::PetalRing(i).index();
+            if out.clearance[pair] > 0.0 {
+                continue;
+            }
             let before = state.normals[pair];
             self.petal_ring(
                 petal,
@@ -319,6 +356,9 @@ impl Scene {
         }
         for (i, petal) in self.passive.petals.iter().enumerate() {
             let pair = SurfacePair::RingPetal(i).index();
+            if out.clearance[pair] > 0.0 {
+                continue;
+            }
             // Measured in r4 with the petal first; turned round so that normals point to passive.
             let before = x_pr.q * -state.normals[pair];
             let turn = |mut s: Sample| {
@@ -343,12 +383,17 @@ impl Scene {
             let centre = x_rp.transform_point(passive.centre);
             let mut coarse: Option<[Segment; COARSE]> = None;
             for (i, active) in self.active.petals.iter().enumerate() {
+                let pair = SurfacePair::PetalPetal(i, j).index();
+                if out.clearance[pair] > 0.0 {
+                    continue;
+                }
                 let gap = (centre - active.centre).length()
                     - active.reach
                     - passive.reach
                     - active.radius
                     - passive.radius;
                 if gap > 0.0 {
+                    out.clearance[pair] = gap;
                     continue;
                 }
                 let moved = coarse.get_or_insert_with(|| {
@@ -366,7 +411,9 @@ impl Scene {
         let (own, sum) = (&self.active.circle, self.active.tube + self.passive.tube);
         // The rings are apart when their planes' slab and their centres say so.
         let reach = other.radius * (1.0 - other.axis.x * other.axis.x).max(0.0).sqrt();
-        if other.centre.x.abs() > reach + sum {
+        let apart = other.centre.x.abs() - reach - sum;
+        if apart > 0.0 {
+            out.clearance[0] = apart;
             return;
         }
         const N: usize = 2 * CIRCLE_INTERVALS;
@@ -378,7 +425,9 @@ impl Scene {
             deepest = deepest.max(*d);
         }
         // Between nodes 7.5° apart the distance changes by no more than the arc.
-        if deepest < -own.radius * core::f64::consts::PI / (2.0 * CIRCLE_INTERVALS as f64) {
+        let between = own.radius * core::f64::consts::PI / (2.0 * CIRCLE_INTERVALS as f64);
+        if deepest < -between {
+            out.clearance[0] = -between - deepest;
             return;
         }
         let mut samples = [Sample::NONE; CIRCLE_INTERVALS];
@@ -390,7 +439,7 @@ impl Scene {
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let mid = (2 * i + 1) as f64 * width;
             let mut u = mid + t * width;
-            if guess < deepest - 0.02 && guess < 0.0 {
+            if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 {
                 // Far from deciding anything: the interpolated value will do.
                 *sample = Sample { u, depth: guess, ..Sample::NONE };
                 continue;
@@ -417,10 +466,12 @@ impl Scene {
                 let f1 = -gap.dot(dp);
                 let f2 =
                     dp.length_squared() - along * along / lever.max(0.1) + gap.dot(p - own.centre);
-                if f2 <= 1e-9 {
+                let next = if f2 > 1e-9 { (u - f1 / f2).clamp(mid - width, mid + width) } else { u };
+                // The depth is stationary there: a micrometre along the ring changes nothing.
+                if (next - u).abs() * own.radius < 1e-6 {
                     break;
                 }
-                u = (u - f1 / f2).clamp(mid - width, mid + width);
+                u = next;
             }
             *sample = Sample { u, depth, c, n, k, softening: DVec3::ZERO };
         }
@@ -444,6 +495,7 @@ impl Scene {
         let sum = petal.radius + tube;
         let away = (circle.nearest(petal.centre) - petal.centre).length();
         if away > petal.reach + sum {
+            out.clearance[pair] = away - petal.reach - sum;
             return;
         }
         let signed = |p: DVec3, q: DVec3| {
@@ -463,6 +515,7 @@ impl Scene {
             deepest = deepest.max(d[i]);
         }
         if deepest < -step {
+            out.clearance[pair] = -step - deepest;
             return;
         }
         for i in (1..N).step_by(2) {
@@ -530,7 +583,9 @@ impl Scene {
             }
         }
         let step = |p: &Petal| 0.5 * (p.coarse[0].a - p.coarse[1].a).length();
-        if deepest < -step(a) - step(b) {
+        let between = step(a) + step(b);
+        if deepest < -between {
+            out.clearance[pair] = -between - deepest;
             return;
         }
         let b_ruling = |v: f64| {
@@ -555,13 +610,13 @@ impl Scene {
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let (mut u, mut v) = (-1.0 + spacing * bi as f64, -1.0 + spacing * bj as f64);
             let mut best = table[bi][bj];
-            if best < deepest - 0.02 && best < -0.02 {
+            if best < deepest - 5e-3 && best < -between {
                 continue;
             }
             let mut h = spacing;
             let at = |u: f64, v: f64| depth_of(&segment_segment(&a.ruling(u), &b_ruling(v)));
-            for _ in 0..4 {
-                h *= 0.35;
+            for _ in 0..REFINEMENTS {
+                h *= 0.3;
                 let (u0, u1) = ((u - h).max(u_min), (u + h).min(u_max));
                 (u, best) = climb(u, best, u0, u1, |x| at(x, v));
                 let (v0, v1) = ((v - h).max(-1.0), (v + h).min(1.0));
@@ -661,6 +716,8 @@ impl Contacts {
             q_wr: x_wr.q,
             deepest: 0.0,
             touching: false,
+            clearance: [0.0; PAIRS],
+            x_rp: Pose::IDENTITY,
         }
     }
 
@@ -788,7 +845,11 @@ impl Contacts {
         h: f64,
     ) {
         let back = self.q_wr.conjugate();
-        let mut next = ContactState::default();
+        let mut next = ContactState {
+            clearance: self.clearance,
+            measured_at: Some(self.x_rp),
+            ..ContactState::default()
+        };
         for p in &self.places[..self.len] {
             if p.merged.elastic_n < 0.0 {
                 continue;

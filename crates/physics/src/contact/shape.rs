@@ -88,7 +88,8 @@ pub(crate) fn segment_circle(seg: &Segment, circle: &Circle) -> (f64, DVec3, DVe
         s = next;
         p = seg.at(s);
         q = circle.nearest(p);
-        if moved < 1e-9 {
+        // The distance is stationary there: a micrometre along the ruling changes nothing.
+        if moved < 1e-6 {
             break;
         }
     }

@@ -1,0 +1,96 @@
+//! The reduced twin is on the loop's path: once built, it never asks for memory.
+mod common;
+use std::{
+    alloc::{GlobalAlloc, Layout, System as Heap},
+    cell::Cell,
+};
+
+use common::*;
+use docktwin_core::{DVec3, Wrench};
+use docktwin_physics::{
+    mechanism::System,
+    reduced::{DockingTwin, Inputs, ReducedTwin},
+};
+
+thread_local! {
+    // Of this thread only: the test harness has threads of its own.
+    static REQUESTS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// The system's heap, counting.
+struct Counting;
+
+#[expect(unsafe_code, reason = "an allocator cannot be written without; it only counts")]
+// SAFETY: every call goes unchanged to the system's allocator; the counter is a thread-local `Cell`
+// without destructor, which needs no memory of its own.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        REQUESTS.set(REQUESTS.get() + 1);
+        // SAFETY: as promised by the caller.
+        unsafe { Heap.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        REQUESTS.set(REQUESTS.get() + 1);
+        // SAFETY: as promised by the caller.
+        unsafe { Heap.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        REQUESTS.set(REQUESTS.get() + 1);
+        // SAFETY: as promised by the caller.
+        unsafe { Heap.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: as promised by the caller.
+        unsafe { Heap.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Requests for memory while `f` runs.
+fn requests(f: impl FnOnce()) -> u64 {
+    let before = REQUESTS.get();
+    f();
+    REQUESTS.get() - before
+}
+
+#[test]
+fn invariant_the_counter_counts() {
+    let mut kept = Vec::new();
+    assert_eq!(requests(|| kept.push(1u64)), 1);
+    assert_eq!(requests(|| kept.push(2)), 0);
+    assert!(requests(|| kept.extend(0..1000)) >= 1);
+}
+
+#[test]
+fn invariant_a_step_of_the_reduced_twin_never_allocates() {
+    let system = System::new(&chaser(), &target(), apas());
+    let c = conditions(0.1, 0.05, 0.0, [2.0, 2.0, 0.0]);
+    let bodies = start(&system, &c, 0.02).bodies;
+    let mut twin = ReducedTwin::new(system, bodies, 1e-4);
+    let push =
+        Inputs { chaser: Wrench { f: DVec3::X * 50.0, m: DVec3::ZERO }, ..Inputs::default() };
+    let begin = twin.snapshot();
+    let mut kept = twin.snapshot();
+    let n = requests(|| {
+        for i in 0..150_000 {
+            twin.step(if i < 20_000 { &push } else { &Inputs::default() });
+            // What a predictor does: keep the state, look at it, go back to it.
+            if i % 1000 == 0 {
+                kept = twin.snapshot();
+                std::hint::black_box(twin.digest());
+                twin.restore(&kept);
+            }
+        }
+    });
+    // The whole docking was on the way: contact, latches, capture, attenuation afterwards.
+    let state = twin.state();
+    assert!(state.first_contact_s.is_some() && state.peak_force_n > 0.0, "the sides touch");
+    assert!(state.mechanism.captured_s().is_some(), "the latches catch");
+    assert_ne!(begin, kept);
+    assert_eq!(n, 0, "requests for memory in 150 000 steps");
+}
