@@ -66,7 +66,12 @@ const PLANE_SEARCH: f64 = 0.3;
 
 /// States at the start for a plane of first contact, and whether the sides are apart all the way
 /// back from it.
-fn taken_back(system: &System, c: &ContactConditions, plane: f64, time: f64) -> ([BodyState; 3], bool) {
+fn taken_back(
+    system: &System,
+    c: &ContactConditions,
+    plane: f64,
+    time: f64,
+) -> ([BodyState; 3], bool) {
     let q_34 = c.attitude.to_quat();
     // e3 is at the origin with the axes of the world for the moment.
     let mech = system.mechanism();

@@ -3,18 +3,21 @@
 Each pair of surfaces is looked at along a one-parameter family (azimuth of a ring, rulings of a
 petal), densely sampled. The samples of one place count once, by a soft maximum of the depths with
 the model's `merge_depth_m` as its temperature, so that a touch spread evenly around a ring acts at
-its centre and the stiffness stays k. A dense family shifts the surface by some hundredths of a
+its centre and the stiffness stays k. A dense family shifts the surface by some tenths of a
 millimetre against a sparse one, which moves the instant of contact but not its strength.
 
 Two places of one pair are separate where the surfaces part between them; with a saddle of depth
 d_s between peaks d_1, d_2 the stored energy is (1 - C)(U_1 + U_2) + C U_12, C = (d_s/d)^2 with d
-the mean of d_1 and d_2 by the weights exp(-d_i/eps), which is their lesser one unless they are alike.
-Around a ring there are two saddles; d_s is the higher one, by the same kind of mean.
+the soft minimum of d_1 and d_2. Around a ring there are two saddles; d_s is their soft maximum.
+
+Friction of a place is one bristle vector for sliding and for turning about the normal n: the slip
+is v_t + n (rho w_n), where rho is the root-mean-square distance of the samples from the place's
+point; the component of the bristle force along n, times rho, is a moment about n.
 
 Petal on petal touches edge on edge: its deepest place is found exactly and is the only one.
 
-Forces are the gradient of the stored energy, so a stiffness that varies along a petal leaves a
-small tangential part. All vectors are in the active side's ring frame, about its origin.
+Elastic forces are the gradient of the stored energy, so a stiffness that varies along a petal leaves
+a small tangential part. All vectors are in the active side's ring frame, about its origin.
 """
 
 from __future__ import annotations
@@ -69,10 +72,12 @@ class Family:
 
 @dataclass
 class Push:
-    """One place that pushes: force and moment on the passive side, and what friction needs."""
+    """One place that pushes: force and moment on the passive side without friction, and what
+    friction needs; `normal_n` is the part of the normal force that rubs."""
 
     wrench: np.ndarray
     normal_n: float
+    spread_m: float
     depth_m: float
     point_m: np.ndarray
     normal: np.ndarray
@@ -123,12 +128,14 @@ class Contact:
                 j = i * self.slots_per_pair + slot
                 wrench += push.wrench
                 if self.law.friction is not None and push.normal_n > 0.0:
+                    n, rho = push.normal, push.spread_m
                     v = v_ab + _cross(w_ab, push.point_m)
-                    v_t = v - push.normal * (push.normal @ v)
-                    y = bristle[j] - push.normal * (push.normal @ bristle[j])
-                    f, rates[j] = self.law.friction.force_and_rate(push.normal_n, v_t, y)
-                    wrench[:3] += f
-                    wrench[3:] += _cross(push.point_m, f)
+                    slip = v - n * (n @ v) + n * (rho * (n @ w_ab))
+                    f, rates[j] = self.law.friction.force_and_rate(push.normal_n, slip, bristle[j])
+                    along = n @ f
+                    slide = f - n * along
+                    wrench[:3] += slide
+                    wrench[3:] += _cross(push.point_m, slide) + n * (rho * along)
                 pushes.append((state.name, j, push))
         return wrench, rates, pushes
 
@@ -188,7 +195,7 @@ class Contact:
         )
         # Two petals are one place, however many maxima there are.
         one = self._soft(family, slice(None))
-        return [self._push([(1.0, one)], np.concatenate([v_ab, w_ab]))]
+        return [self._alone(one, np.concatenate([v_ab, w_ab]))]
 
     def _series(self, pair, place, r_ab, p_ab):
         """Stiffness of a place with both petals in series, and its gradient."""
@@ -207,26 +214,38 @@ class Contact:
         peaks = _two_peaks(fam)
         if len(peaks) == 1:
             one = self._soft(fam, slice(None))
-            return [self._push([(1.0, one)], twist)] if one.depth > 0.0 else []
+            return [self._alone(one, twist)] if one.depth > 0.0 else []
         (hi, in_hi), (lo, in_lo), saddles = peaks
         eps = self.law.merge_depth_m
-        s_hi, s_lo = self._soft(fam, in_hi), self._soft(fam, in_lo)
+        basins = self._soft(fam, in_hi), self._soft(fam, in_lo)
         # The higher of the saddles, the lower of the peaks, softly: nothing jumps as they change
         # places.
-        d_s, grad_s = _boltzmann(fam, saddles, eps)
-        lower, grad_lower = _boltzmann(fam, np.array([hi, lo]), -eps)
+        d_s, grad_s, _ = _soft_extreme(fam, saddles, eps)
+        lower, grad_lower, share_lower = _soft_extreme(fam, np.array([hi, lo]), -eps)
         if lower <= 0.0 or d_s <= 0.0:
-            return [self._push([(1.0, s)], twist) for s in (s_hi, s_lo) if s.depth > 0.0]
+            return [self._alone(s, twist) for s in basins if s.depth > 0.0]
         both = self._soft(fam, slice(None))
-        sigma = d_s / lower
-        if sigma >= 1.0:
-            return [self._push([(1.0, both)], twist)]
+        sigma = min(d_s / lower, 1.0)
         c = sigma**2
-        grad_c = 2.0 * sigma / lower * (grad_s - sigma * grad_lower)
-        gain = both.energy - s_hi.energy - s_lo.energy
-        first = self._push([(1.0 - c, s_hi), (c, both)], twist)
-        first.wrench = first.wrench - gain * grad_c
-        return [first, self._push([(1.0 - c, s_lo)], twist)]
+        # What merging costs: as C grows, force goes from the saddle to the lower peak.
+        change = sum(s.energy for s in basins) - both.energy
+        lift = 2.0 * c / lower * change if sigma < 1.0 else 0.0
+        pull = -2.0 * sigma / lower * change if sigma < 1.0 else 0.0
+        stands = [max(fam.depth[i] - d_s, 0.0) + 1e-12 for i in (hi, lo)]
+        pushes = []
+        for i, s in enumerate(basins):
+            share = float(np.exp((s.depth - both.depth) / eps))
+            elastic = (1.0 - c) * s.elastic + c * share * both.elastic + lift * share_lower[i]
+            # The pull is no surface of its own: the lower peak loses its friction first.
+            rubs = elastic + pull * stands[1 - i] / sum(stands)
+            push = self._push(
+                s, elastic, (1.0 - c) * s.energy + c * share * both.energy, twist,
+                min(max(rubs / elastic, 0.0), 1.0) if elastic > 0.0 else 0.0,
+            )
+            push.wrench += (1.0 - c) * s.elastic_wrench()
+            pushes.append(push)
+        pushes[0].wrench += c * both.elastic_wrench() - lift * grad_lower - pull * grad_s
+        return pushes
 
     def _soft(self, fam: Family, members) -> "_Soft":
         eps, law = self.law.merge_depth_m, self.law.normal
@@ -249,48 +268,49 @@ class Contact:
         out.k, out.grad_k = k, grad_k
         out.elastic = law.elastic(k, out.depth)
         out.energy = law.energy(k, out.depth)
-        out.point = w @ fam.point[members]
+        at = fam.point[members]
+        out.point = w @ at
+        out.spread = float(np.sqrt(w @ ((at - out.point) ** 2).sum(1)))
         n = w @ fam.normal[members]
         length = float(np.linalg.norm(n))
         out.normal = n / length if length > 0.0 else n
+        out.size = length
         out.at = float(fam.at[members][depth.argmax()])
         return out
 
-    def _push(self, parts, twist) -> Push:
-        """Adds soft places with factors; the first names the place."""
-        wrench = np.zeros(6)
-        normal_n = energy = 0.0
-        for factor, s in parts:
-            if s.depth <= 0.0:
-                continue
-            rate = float(s.grad @ twist)
-            force = self.law.normal.total(s.elastic, rate)
-            wrench -= factor * force * s.grad
-            # Gradient of k: elastic, scaled like the rest of the place.
-            scale = force / s.elastic if s.elastic > 0.0 else 0.0
-            wrench -= factor * scale * s.energy / s.k * s.grad_k
-            normal_n += factor * force
-            energy += factor * s.energy
-        lead = parts[0][1]
-        return Push(wrench, normal_n, lead.depth, lead.point, lead.normal, lead.at, energy)
+    def _alone(self, s, twist) -> Push:
+        """A place that is merged with nothing."""
+        push = self._push(s, s.elastic, s.energy, twist, 1.0)
+        push.wrench += s.elastic_wrench()
+        return push
+
+    def _push(self, s, elastic: float, energy: float, twist, rubbing: float) -> Push:
+        """A place with the dissipative part of its normal force only."""
+        total = self.law.normal.total(elastic, float(s.grad @ twist)) if elastic > 0.0 else 0.0
+        lost = total - elastic if elastic > 0.0 else 0.0
+        return Push(
+            -lost * s.grad, total * s.size * rubbing, s.spread, s.depth, s.point, s.normal, s.at,
+            energy,
+        )
 
 
 class _Soft:
     """Soft maximum over some samples."""
 
-    __slots__ = (
-        "depth", "grad", "k", "grad_k", "elastic", "energy", "point", "normal", "at",
-    )
+    def elastic_wrench(self):
+        """Minus the gradient of the stored energy."""
+        return -self.elastic * self.grad - self.energy / self.k * self.grad_k
 
 
-def _boltzmann(fam: Family, idx, temperature: float):
-    """Mean depth of some samples by the weights exp(d/temperature), and its gradient."""
+def _soft_extreme(fam: Family, idx, temperature: float):
+    """Soft maximum of some samples (minimum, with a negative temperature), t ln sum exp(d/t), its
+    gradient, and the weight of each."""
     d = fam.depth[idx]
     x = d / temperature
-    w = np.exp(x - x.max())
-    w /= w.sum()
-    mean = float(w @ d)
-    return mean, (w * (1.0 + (d - mean) / temperature)) @ fam.gradient(idx)
+    e = np.exp(x - x.max())
+    w = e / e.sum()
+    value = temperature * float(x.max() + np.log(e.sum()))
+    return value, w @ fam.gradient(idx), w
 
 
 def _cross(a, b):

@@ -6,6 +6,7 @@ and radians here. Only what the cross-check needs is read.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import tomllib
 import xml.etree.ElementTree as ET
@@ -185,8 +186,11 @@ def _law(table: dict) -> ContactLaw:
     )
 
 
-def read_mechanism(active_urdf: Path, passive_urdf: Path) -> Mechanism:
-    """Both sides of a mechanism; placements come from the URDF and must agree with the TOML."""
+def read_mechanism(
+    active_urdf: Path, passive_urdf: Path, contact: dict | None = None, petals: bool = True
+) -> Mechanism:
+    """Both sides of a mechanism; placements come from the URDF and must agree with the TOML.
+    `contact` replaces keys of the law, `petals=False` leaves bare rings."""
     a, b = _toml(active_urdf.with_suffix(".toml")), _toml(passive_urdf.with_suffix(".toml"))
     (robot_a, links_a), (robot_b, _) = _robot(active_urdf), _robot(passive_urdf)
     _, r_a, p_a = _pose_in_root(robot_a, "ring")
@@ -204,6 +208,10 @@ def read_mechanism(active_urdf: Path, passive_urdf: Path) -> Mechanism:
         inertia - np.array(_get(body, "inertia_kg_m2"))
     ).max() > 1e-12 * np.abs(inertia).max():
         raise ValueError(f"ring masses of URDF and TOML differ: {active_urdf}")
+    sides = (_side(a), _side(b))
+    if not petals:
+        sides = tuple(dataclasses.replace(s, petals=None) for s in sides)
     return Mechanism(
-        _side(a), _side(b), RingBody(mass, inertia, com), r_a, p_a, r_b, p_b, _law(a["contact"])
+        *sides, RingBody(mass, inertia, com), r_a, p_a, r_b, p_b,
+        _law({**a["contact"], **(contact or {})}),
     )

@@ -59,7 +59,10 @@ def read_scene(scenario: Path, models: Path) -> Scene:
     return Scene(
         read_spacecraft(found["chaser"]),
         read_spacecraft(found["target"]),
-        read_mechanism(found["mechanism_active"], found["mechanism_passive"]),
+        read_mechanism(
+            found["mechanism_active"], found["mechanism_passive"],
+            tree["mechanism"].get("contact"), tree["mechanism"].get("petals", True),
+        ),
     )
 
 
