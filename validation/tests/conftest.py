@@ -32,7 +32,7 @@ def models() -> Path:
 
 @pytest.fixture(scope="session")
 def rehearse(tmp_path_factory):
-    """Runs `docktwin rehearse` on a scenario; gives (scenario path, summary, telemetry columns)."""
+    """Runs `docktwin rehearse` on a scenario; gives (scenario as it ran, summary, columns)."""
     binary = os.environ.get("DOCKTWIN_BIN")
     if not binary:
         pytest.skip("DOCKTWIN_BIN is not set: name the docktwin binary to compare with it")
@@ -40,12 +40,13 @@ def rehearse(tmp_path_factory):
     if not Path(binary).is_file():
         pytest.fail(f"no docktwin binary, build it with `cargo build -p docktwin`: {binary}")
 
-    def run(scenario: str, *overrides: str):
+    def run(scenario: str, *overrides: str, twin: str = "full"):
         import pyarrow.parquet as pq
 
         path = ROOT / "scenarios" / f"{scenario}.toml"
         out = tmp_path_factory.mktemp(scenario)
-        command = [binary, "rehearse", str(path), "--out", str(out), "--json"]
+        command = [binary, "rehearse", str(path), "--out", str(out), "--twin", twin]
+        command += ["--json", "--no-rrd"]
         for item in overrides:
             command += ["--set", item]
         done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
@@ -57,7 +58,7 @@ def rehearse(tmp_path_factory):
         columns = {
             name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names
         }
-        return path, summary, columns
+        return out / "scenario.toml", summary, columns
 
     return run
 

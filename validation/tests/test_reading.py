@@ -30,6 +30,21 @@ def test_invariant_a_scene_is_found_through_its_scenario(models, tmp_path):
         read_scene(path, models)
 
 
+def test_invariant_a_scenario_replaces_keys_of_the_law_and_takes_petals_off(models, tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO)
+    plain = read_scene(path, models).mechanism
+    path.write_text(
+        SCENARIO + "petals = false\n[mechanism.contact]\ndamping_s_m = 0.25\n"
+        "friction_kinetic = 0.0\nfriction_static = 0.0\n"
+    )
+    changed = read_scene(path, models).mechanism
+    assert plain.law.normal.damping_s_m != 0.25 and changed.law.normal.damping_s_m == 0.25
+    assert changed.law.normal.stiffness == plain.law.normal.stiffness
+    assert plain.law.friction is not None and changed.law.friction is None
+    assert plain.active.petals is not None and changed.active.petals is changed.passive.petals is None
+
+
 def test_invariant_docked_rings_face_each_other(models):
     """Placements of the URDF give R_34 = I and rings face to face, petals interleaved."""
     mech = read_mechanism(models / "apas_active.urdf", models / "apas_passive.urdf")

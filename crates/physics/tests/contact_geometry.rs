@@ -165,11 +165,12 @@ fn invariant_wrench_is_continuous_while_a_petal_slides_along_the_ring() {
     for (offset, height) in [(0.05, 0.12), (0.02, 0.08), (0.09, 0.10)] {
         let mut last: Option<Wrench> = None;
         let mut worst = (0.0f64, 0.0f64);
-        // The passive side's offset goes once around: its ring slides over every petal and edge.
-        let steps = (core::f64::consts::TAU * 0.6 / 1e-4) as u32;
+        // The passive side's offset goes a third around, from petal to petal: the ring slides over
+        // every seam and edge there is.
+        let steps = (core::f64::consts::TAU / 3.0 * 0.6 / 1e-4) as u32;
         let mut lateral = offset;
         for i in 0..steps {
-            let a = core::f64::consts::TAU * f64::from(i) / f64::from(steps);
+            let a = core::f64::consts::TAU / 3.0 * f64::from(i) / f64::from(steps);
             let at = |r: f64| {
                 let (s, c) = a.sin_cos();
                 common::pose(height, r * c, r * s, [0.0, 0.0, 0.0])

@@ -24,8 +24,9 @@ const RING_INTERVALS: usize = 6;
 const CIRCLE_INTERVALS: usize = 24;
 /// Rulings of a petal for the first look, against a petal.
 const COARSE: usize = 5;
-/// Rounds of refinement from the first look, each about three times finer.
-const REFINEMENTS: usize = 3;
+/// Most rounds of refinement from the first look. The first reaches half way to the neighbouring
+/// rulings, each further one is two and a half times finer.
+const REFINEMENTS: usize = 6;
 /// Pieces along a ruling over which a line contact is spread.
 const ALONG: usize = 5;
 
@@ -636,9 +637,8 @@ impl Scene {
         let spacing = 2.0 / (COARSE - 1) as f64;
         let mut samples = [Sample::NONE; 2 * ALONG];
         // Both halves of the active petal have a candidate of their own: an edge each.
-        for half in 0..2 {
+        let best_of = |half: usize| {
             let rows = if half == 0 { 0..=(COARSE - 1) / 2 } else { (COARSE - 1) / 2..=COARSE - 1 };
-            let (u_min, u_max) = if half == 0 { (-1.0, 0.0) } else { (0.0, 1.0) };
             let (mut bi, mut bj) = (*rows.start(), 0);
             for r in rows {
                 for c in 0..COARSE {
@@ -647,21 +647,35 @@ impl Scene {
                     }
                 }
             }
+            (table[bi][bj], bi, bj)
+        };
+        let looks = [best_of(0), best_of(1)];
+        let first = usize::from(looks[1].0 > looks[0].0);
+        for half in [first, 1 - first] {
+            let (u_min, u_max) = if half == 0 { (-1.0, 0.0) } else { (0.0, 1.0) };
+            let (mut best, bi, bj) = looks[half];
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let (mut u, mut v) = (-1.0 + spacing * bi as f64, -1.0 + spacing * bj as f64);
-            let mut best = table[bi][bj];
-            if best < deepest - 5e-3 && best < -between {
+            // Between the rulings looked at it can rise by no more than their distance.
+            if best + between < deepest - 40.0 * self.law.merge_depth_m {
                 continue;
             }
             let mut h = spacing;
             let at = |u: f64, v: f64| depth_of(&segment_segment(&a.ruling(u), &b_ruling(v)));
-            for _ in 0..REFINEMENTS {
-                h *= 0.3;
+            let mut idle = 0;
+            for round in 0..REFINEMENTS {
+                h *= if round == 0 { 0.5 } else { 0.4 };
+                let before_round = best;
                 let (u0, u1) = ((u - h).max(u_min), (u + h).min(u_max));
                 (u, best) = climb(u, best, u0, u1, |x| at(x, v));
                 let (v0, v1) = ((v - h).max(-1.0), (v + h).min(1.0));
                 (v, best) = climb(v, best, v0, v1, |x| at(u, x));
+                idle = if best - before_round < 1e-8 { idle + 1 } else { 0 };
+                if idle == 2 {
+                    break;
+                }
             }
+            deepest = deepest.max(best);
             let (sa, sb) = (a.ruling(u), b_ruling(v));
             for piece in 0..ALONG {
                 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -699,25 +713,26 @@ impl Scene {
 
 /// One parabolic step uphill between `lo` and `hi`.
 fn climb(x: f64, fx: f64, lo: f64, hi: f64, f: impl Fn(f64) -> f64) -> (f64, f64) {
-    let (fl, fh) = (f(lo), f(hi));
-    let mut best = (x, fx);
-    for c in [(lo, fl), (hi, fh)] {
-        if c.1 > best.1 {
-            best = c;
-        }
-    }
-    // Lagrange parabola through three points that need not be evenly spaced.
     let (a, b) = (x - lo, hi - x);
-    if a > 1e-12 && b > 1e-12 {
+    let mut best = (x, fx);
+    // At an end of the range there is nothing to look at on that side.
+    let look = |at: f64, far: bool, best: &mut (f64, f64)| {
+        let value = if far { f(at) } else { f64::NEG_INFINITY };
+        if value > best.1 {
+            *best = (at, value);
+        }
+        value
+    };
+    let fl = look(lo, a > 1e-9, &mut best);
+    let fh = look(hi, b > 1e-9, &mut best);
+    if a > 1e-9 && b > 1e-9 {
+        // Lagrange parabola through three points that need not be evenly spaced.
         let (dl, dh) = ((fx - fl) / a, (fh - fx) / b);
         let curve = (dh - dl) / (a + b);
         if curve < 0.0 {
             let slope = dl + curve * a;
             let t = (x - slope / (2.0 * curve)).clamp(lo, hi);
-            let ft = f(t);
-            if ft > best.1 {
-                best = (t, ft);
-            }
+            look(t, (t - x).abs() > 1e-9, &mut best);
         }
     }
     best
