@@ -222,6 +222,53 @@ def test_oracle_friction_opposes_sliding_with_mu_times_the_normal_force(figure):
     assert both[3:] - base[3:] == pytest.approx(np.cross(place[2].point_m, want), abs=1e-9)
 
 
+def test_oracle_an_even_touch_resists_roll_with_mu_times_radius_times_the_normal_force(figure):
+    """Sliding and turning share one bristle: at rest relative to the axis the turning takes all of
+    it, and sliding sideways while turning they share it like the components of the slip."""
+    side = Side(0.6, 0.025)
+    p, w = np.array([0.045, 0.0, 0.0]), np.array([0.02, 0.0, 0.0])
+    normal, friction = HuntCrossley(1e6), Friction(0.1, 0.1, 3e-3, 3e-4, 0.0)
+    smooth = Contact(side, side, ContactLaw(normal, None, 5e-5))
+    rough = Contact(side, side, ContactLaw(normal, friction, 5e-5))
+    seen = []
+    for v in (np.zeros(3), np.array([0.0, 0.009, 0.0])):
+        y = np.zeros((2, 3))
+        base, _, ((_, slot, place),) = smooth.evaluate(TURNED, p, v, w, y)
+        slip = v + 0.6 * w
+        y[slot] = slip / np.linalg.norm(slip)
+        both, rates, _ = rough.evaluate(TURNED, p, v, w, y)
+        limit = 0.1 * place.normal_n
+        assert place.spread_m == pytest.approx(0.6, rel=1e-9)
+        assert np.abs(rates[slot]).max() < 1e-9
+        rubbed = both - base
+        assert rubbed[:3] == pytest.approx(-limit * v / np.linalg.norm(slip), abs=1e-9 * limit)
+        assert rubbed[3] == pytest.approx(-limit * 0.6 * 0.012 / np.linalg.norm(slip), rel=1e-9)
+        seen.append(rubbed[3] / limit)
+    figure(f"moment by mu N: {seen[0]:.9f} m turning only, {seen[1]:.9f} m with sliding")
+
+
+def test_invariant_merging_places_rub_with_no_more_than_the_normal_force(figure):
+    """Two places of crossing rings become one as the rings are laid on each other."""
+    side = Side(0.6, 0.025)
+    contact = Contact(
+        side, side, ContactLaw(HuntCrossley(1e6), Friction(0.1, 0.1, 3e-3, 3e-4, 0.0), 5e-5)
+    )
+    still, y = np.zeros(3), np.zeros((2, 3))
+    places, ratio, last, jump = set(), [], None, 0.0
+    for offset in np.linspace(0.02, 0.0, 201):
+        wrench, _, pushes = contact.evaluate(TURNED, np.array([0.046, offset, 0.0]), still, still, y)
+        rubbing = sum(q.normal_n for _, _, q in pushes)
+        places.add(len(pushes))
+        ratio.append(rubbing / np.linalg.norm(wrench[:3]))
+        if last is not None:
+            jump = max(jump, abs(rubbing - last) / last)
+        last = rubbing
+    figure(f"rubbing by pushing {min(ratio):.4f} .. {max(ratio):.4f}, largest change {jump:.4f}")
+    assert places == {1, 2}
+    assert 0.97 < min(ratio) and max(ratio) < 1.03
+    assert jump < 0.05
+
+
 def test_oracle_petal_is_softer_towards_its_tip_like_a_cantilever():
     from docktwin_mujoco.law import petal_stiffness
 

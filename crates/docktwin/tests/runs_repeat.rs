@@ -21,8 +21,9 @@ fn docktwin(words: &[&str], dir: &Path) -> (Value, Option<i32>) {
     let done =
         c.current_dir(root()).args(words).arg(dir).arg("--json").output().expect("docktwin starts");
     let text = String::from_utf8_lossy(&done.stdout);
-    let said = serde_json::from_str(&text)
-        .unwrap_or_else(|e| panic!("{words:?}: {e}: {text}{}", String::from_utf8_lossy(&done.stderr)));
+    let said = serde_json::from_str(&text).unwrap_or_else(|e| {
+        panic!("{words:?}: {e}: {text}{}", String::from_utf8_lossy(&done.stderr))
+    });
     (said, done.status.code())
 }
 
@@ -51,7 +52,11 @@ fn invariant_two_runs_and_a_replay_are_the_same_bits() {
 
         let (said, code) = docktwin(&["replay"], &one);
         assert_eq!((code, &said["identical"]), (Some(0), &Value::Bool(true)), "{said}");
-        assert_eq!(said["ticks"], a["ticks"].as_u64().expect("ticks") + 1, "every tick is compared");
+        assert_eq!(
+            said["ticks"],
+            a["ticks"].as_u64().expect("ticks") + 1,
+            "every tick is compared"
+        );
 
         // Another start is another story.
         let other = at.path().join(format!("other-{twin}"));

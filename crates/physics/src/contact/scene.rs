@@ -22,6 +22,8 @@ const SLOTS: usize = 2;
 const RING_INTERVALS: usize = 6;
 /// Intervals around a ring, against a ring.
 const CIRCLE_INTERVALS: usize = 24;
+/// Most samples that one soft maximum is taken over.
+const MOST_SAMPLES: f64 = 24.0;
 /// Rulings of a petal for the first look, against a petal.
 const COARSE: usize = 5;
 /// Most rounds of refinement from the first look. The first reaches half way to the neighbouring
@@ -124,6 +126,7 @@ impl Petal {
             coarse,
             centre,
             reach,
+            soft_reach: m.contact.merge_depth_m * MOST_SAMPLES.ln(),
             compliance: 1.0 / (3.0 * g.flexural_rigidity_n_m2),
             length: middle.d.length(),
         }
@@ -215,6 +218,8 @@ pub struct Scene {
     law: ContactLaw,
     /// Farthest point of the passive side from its ring centre, m.
     reach: f64,
+    /// The soft maximum of n samples begins up to ε ln n before the surfaces meet, m.
+    soft_reach: f64,
     /// cos and sin of the nodes and middles of [`CIRCLE_INTERVALS`].
     around: [(f64, f64); 2 * CIRCLE_INTERVALS],
 }
@@ -430,7 +435,8 @@ impl Scene {
                     - active.reach
                     - passive.reach
                     - active.radius
-                    - passive.radius;
+                    - passive.radius
+                    - self.soft_reach;
                 if gap > 0.0 {
                     out.clearance[pair] = gap;
                     continue;
@@ -450,7 +456,7 @@ impl Scene {
         let (own, sum) = (&self.active.circle, self.active.tube + self.passive.tube);
         // The rings are apart when their planes' slab and their centres say so.
         let reach = other.radius * (1.0 - other.axis.x * other.axis.x).max(0.0).sqrt();
-        let apart = other.centre.x.abs() - reach - sum;
+        let apart = other.centre.x.abs() - reach - sum - self.soft_reach;
         if apart > 0.0 {
             out.clearance[0] = apart;
             return;
@@ -465,8 +471,9 @@ impl Scene {
         }
         // Between nodes 7.5° apart the distance changes by no more than the arc.
         let between = own.radius * core::f64::consts::PI / (2.0 * CIRCLE_INTERVALS as f64);
-        if deepest < -between {
-            out.clearance[0] = -between - deepest;
+        let far = -between - self.soft_reach - deepest;
+        if far > 0.0 {
+            out.clearance[0] = far;
             return;
         }
         let mut samples = [Sample::NONE; CIRCLE_INTERVALS];
@@ -478,7 +485,7 @@ impl Scene {
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let mid = (2 * i + 1) as f64 * width;
             let mut u = mid + t * width;
-            if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 {
+            if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 - self.soft_reach {
                 // Far from deciding anything: the interpolated value will do.
                 *sample = Sample { u, depth: guess, ..Sample::NONE };
                 continue;
@@ -534,8 +541,9 @@ impl Scene {
     ) {
         let sum = petal.radius + tube;
         let away = (circle.nearest(petal.centre) - petal.centre).length();
-        if away > petal.reach + sum {
-            out.clearance[pair] = away - petal.reach - sum;
+        let far = away - petal.reach - sum - self.soft_reach;
+        if far > 0.0 {
+            out.clearance[pair] = far;
             return;
         }
         let signed = |p: DVec3, q: DVec3| {
@@ -554,8 +562,9 @@ impl Scene {
             d[i] = sum - signed(p, q);
             deepest = deepest.max(d[i]);
         }
-        if deepest < -step {
-            out.clearance[pair] = -step - deepest;
+        let far = -step - self.soft_reach - deepest;
+        if far > 0.0 {
+            out.clearance[pair] = far;
             return;
         }
         for i in (1..N).step_by(2) {
@@ -570,7 +579,7 @@ impl Scene {
             let (t, guess) = parabola_peak(d[2 * i], d[2 * i + 1], d[2 * i + 2]);
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let u = -1.0 + (2 * i + 1) as f64 * width + t * width;
-            if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 {
+            if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 - self.soft_reach {
                 *sample = Sample { u, depth: guess, ..Sample::NONE };
                 continue;
             }
@@ -624,8 +633,9 @@ impl Scene {
         }
         let step = |p: &Petal| 0.5 * (p.coarse[0].a - p.coarse[1].a).length();
         let between = step(a) + step(b);
-        if deepest < -between {
-            out.clearance[pair] = -between - deepest;
+        let far = -between - self.soft_reach - deepest;
+        if far > 0.0 {
+            out.clearance[pair] = far;
             return;
         }
         let r_rp = DMat3::from_quat(x_rp.q);
