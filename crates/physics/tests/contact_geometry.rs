@@ -304,3 +304,28 @@ fn invariant_forces_derive_from_the_stored_energy() {
         assert!(ef < 2e-2 && em < 2e-2, "pose {i}: {f} {} / {m} {}", w.f, w.m);
     }
 }
+
+/// The force grows from zero: at the very first touch no pair jumps in with a part of it.
+#[test]
+fn invariant_the_force_begins_at_zero() {
+    for with_petals in [false, true] {
+        let mut m = if with_petals { common::apas() } else { common::bare_rings() };
+        // A soft maximum that reaches far makes the jump, if there is one, easy to see.
+        m.contact.merge_depth_m = 5e-4;
+        let scene = Scene::new(&m);
+        for (y, euler) in [(0.0, [0.0; 3]), (0.05, [2.0, 2.0, 0.0]), (0.02, [40.0, 3.0, 0.0])] {
+            let mut x = common::pose(0.45, y, 0.0, euler);
+            let mut state = ContactState::default();
+            while {
+                let c = scene.measure(&state, Pose::IDENTITY, x);
+                c.commit(&mut state, DVec3::ZERO, STILL, STILL, 1e-4);
+                !c.touching()
+            } {
+                x.p.x -= 1e-6;
+                assert!(x.p.x > 0.0, "never touches");
+            }
+            let f = wrench(&scene, x).f.length();
+            assert!(f < 3.0, "petals {with_petals}, offset {y}: the force begins with {f} N");
+        }
+    }
+}

@@ -126,7 +126,6 @@ impl Petal {
             coarse,
             centre,
             reach,
-            soft_reach: m.contact.merge_depth_m * MOST_SAMPLES.ln(),
             compliance: 1.0 / (3.0 * g.flexural_rigidity_n_m2),
             length: middle.d.length(),
         }
@@ -331,7 +330,14 @@ impl Scene {
             .iter()
             .map(|p| p.centre.length() + p.reach + p.radius)
             .fold(passive.circle.radius + passive.tube, f64::max);
-        Self { active: Side::new(&m.active), passive, reach, law: m.contact, around }
+        Self {
+            active: Side::new(&m.active),
+            passive,
+            reach,
+            soft_reach: m.contact.merge_depth_m * MOST_SAMPLES.ln(),
+            law: m.contact,
+            around,
+        }
     }
 
     /// The law.

@@ -1,0 +1,48 @@
+//! Whole dockings with the default mechanism: what nature conserves, the twin conserves.
+mod common;
+
+use docktwin_physics::{
+    mechanism::{CHASER, System},
+    reduced::Inputs,
+};
+
+#[test]
+fn invariant_momentum_and_energy_through_capture() {
+    // Speed m/s, lateral offset m, roll, pitch, yaw in degrees.
+    for (v, dy, euler) in [
+        (0.05, 0.05, [2.0, 2.0, 0.0]),
+        (0.10, 0.05, [2.0, 2.0, 0.0]),
+        (0.35, 0.05, [15.0, 7.0, 0.0]),
+        (0.10, 0.10, [4.0, 4.0, 0.0]),
+    ] {
+        let system = System::new(&common::chaser(), &common::target(), common::apas());
+        let mut s = common::start(&system, &common::conditions(v, dy, 0.0, euler), 0.02);
+        let (p0, body) = (system.momentum(&s), s.bodies[CHASER]);
+        let p = body.v * system.mass()[CHASER].mass();
+        let scale = (p.length(), (body.p.cross(p) + body.l).length());
+        let look = |s: &_| system.energy(s, &system.measure(&s.mechanism, &s.poses()));
+        let e0 = look(&s);
+        let (mut energy, mut linear, mut angular) = (0.0f64, 0.0f64, 0.0f64);
+        let (seconds, h) = (10, 1e-4);
+        for i in 0..seconds * 10_000 {
+            system.step(&mut s, &Inputs::default(), h);
+            if i % 10 == 0 {
+                let e = look(&s);
+                energy = energy.max(((e.kinetic + e.stored + e.lost) / e0.kinetic - 1.0).abs());
+                let now = system.momentum(&s);
+                linear = linear.max((now.f - p0.f).length() / scale.0);
+                angular = angular.max((now.m - p0.m).length() / scale.1);
+            }
+        }
+        println!(
+            "{v} m/s: energy {energy:.1e}, momentum {:.1e} and {:.1e} a second, captured {:?}",
+            linear / f64::from(seconds),
+            angular / f64::from(seconds),
+            s.mechanism.captured_s()
+        );
+        assert!(s.mechanism.captured_s().is_some(), "{v} m/s: not captured");
+        assert!(energy < 1e-3, "{v} m/s: the energy account is off by {energy:e}");
+        assert!(linear < 1e-12 * f64::from(seconds), "{v} m/s: linear momentum {linear:e}");
+        assert!(angular < 1e-12 * f64::from(seconds), "{v} m/s: angular momentum {angular:e}");
+    }
+}
