@@ -3,58 +3,13 @@
 //! A scenario becomes bodies and control wrenches as in the command line, but without a recording:
 //! what is tested here are the twins.
 
-use docktwin_core::{DVec3, Pose, Twist, Wrench};
+use docktwin::{setup::inputs, signals::Instant};
+use docktwin_core::Pose;
 use docktwin_physics::{
-    body::BodyState,
-    initial::{ContactConditions, initial_state},
-    mechanism::{CHASER, System, TARGET},
-    outcome::{Judgement, Monitor, Observation},
-    reduced::{DockingState, DockingTwin, Inputs},
+    outcome::{Judgement, Monitor},
+    reduced::{DockingState, DockingTwin},
 };
-use docktwin_scenario::{Body, Scenario, Trigger};
-
-/// Bodies at the start of a scenario.
-#[must_use]
-pub fn start(scenario: &Scenario) -> (System, [BodyState; 3]) {
-    let system = System::new(&scenario.chaser, &scenario.target, scenario.mechanism.clone());
-    let i = &scenario.initial;
-    let [y, z] = i.lateral_m;
-    let [vy, vz] = i.lateral_speed_m_s;
-    let conditions = ContactConditions {
-        attitude: i.attitude,
-        lateral_m: DVec3::new(0.0, y, z),
-        velocity_m_s: DVec3::new(-i.axial_speed_m_s, vy, vz),
-        rate_rad_s: i.rates_rad_s,
-    };
-    let bodies = initial_state(&system, &conditions, i.gap_m).bodies;
-    (system, bodies)
-}
-
-/// Control wrenches of the tick that starts at `time_s`.
-#[must_use]
-pub fn inputs(scenario: &Scenario, state: &DockingState, time_s: f64) -> Inputs {
-    let captured_s = state.mechanism.captured_s();
-    let mut out = Inputs::default();
-    for t in &scenario.thrusts {
-        let from = match t.after {
-            Trigger::Start => Some(0.0),
-            Trigger::FirstContact => state.first_contact_s,
-            Trigger::Capture => captured_s,
-        };
-        let on = from.is_some_and(|from| {
-            let since = time_s - from - t.delay_s;
-            (0.0..t.duration_s).contains(&since) && !(t.until_capture && captured_s.is_some())
-        });
-        if on {
-            let w = Wrench { f: t.force_n, m: t.moment_nm };
-            match t.on {
-                Body::Chaser => out.chaser += w,
-                Body::Target => out.target += w,
-            }
-        }
-    }
-    out
-}
+use docktwin_scenario::Scenario;
 
 /// What a twin made of a scenario.
 #[derive(Clone, Debug)]
@@ -93,52 +48,27 @@ pub fn tell<T: DockingTwin>(scenario: &Scenario, mut twin: T, steps: u32, h: f64
     let mut tick = 0;
     loop {
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-        let time_s = (tick * scenario.run.tick_nanos) as f64 * 1e-9;
+        let time_s = (tick * scenario.run.tick_nanos) as f64 / 1e9;
         let state = twin.state();
-        let (observation, x_34) = observe(twin.system(), &state, time_s, h);
-        monitor.observe(twin.system().mechanism(), &state.mechanism, &observation);
+        let now = Instant::new(twin.system(), &state, time_s, h);
+        monitor.observe(twin.system().mechanism(), &state.mechanism, &now.observation(time_s));
+        let frames = *now.measured.poses();
         if state.first_contact_s.is_some() {
             first_contact_tick.get_or_insert(relative.len());
         }
         if state.mechanism.captured_s().is_some() {
             capture_tick.get_or_insert(relative.len());
         }
-        relative.push(x_34);
+        relative.push(frames.x_w3.inverse() * frames.x_w4);
         let decided = scenario.run.stop_when_decided && monitor.decided(time_s);
         if tick == ticks || monitor.limit().is_some() || decided {
             let judgement = monitor.judge(time_s);
             return Story { relative, first_contact_tick, capture_tick, last: state, judgement };
         }
-        let control = inputs(scenario, &state, time_s);
+        let control = inputs(&scenario.thrusts, &state, time_s);
         for _ in 0..steps {
             twin.step(&control);
         }
         tick += 1;
     }
-}
-
-/// What the monitor looks at, and the pose of `e4` in `e3`.
-fn observe(system: &System, state: &DockingState, time_s: f64, h: f64) -> (Observation, Pose) {
-    let poses = state.poses();
-    let com = poses.map(|x| x.p);
-    let measured = system.measure(&state.mechanism, &poses);
-    let twist: [Twist; 3] = core::array::from_fn(|i| state.bodies[i].twist(&system.mass()[i]));
-    let forces = system.forces(&measured, &state.mechanism, &com, &twist, time_s, h);
-    let frames = *measured.poses();
-    let p = frames.x_wp.p;
-    let velocity = |i: usize| twist[i].v + twist[i].w.cross(p - com[i]);
-    let back = frames.x_w3.q.conjugate();
-    let observation = Observation {
-        time_s,
-        x_ring: frames.x_wr.inverse() * Pose::new(p, frames.x_w4.q),
-        relative: Twist {
-            v: back * (velocity(TARGET) - velocity(CHASER)),
-            w: back * (twist[TARGET].w - twist[CHASER].w),
-        },
-        touching: measured.contacts().touching(),
-        interface: forces.on_target.shifted(p - frames.x_wr.p).rotated(frames.x_w4.q.conjugate()),
-        depth_m: state.peak_depth_m,
-        overtravel_m: system.overtravel_m(&measured),
-    };
-    (observation, frames.x_w3.inverse() * frames.x_w4)
 }

@@ -29,7 +29,13 @@ const BOTH: [(&str, AttenuationChoice); 2] = [
 
 /// Drives the ring slowly along one axis to `amplitude`, back to `-back`, and returns to zero;
 /// gives (displacement, force or moment on that axis) a thousand times.
-fn sweep(m: &DockingMechanism, axis: usize, amplitude: f64, back: f64, seconds: f64) -> Vec<(f64, f64)> {
+fn sweep(
+    m: &DockingMechanism,
+    axis: usize,
+    amplitude: f64,
+    back: f64,
+    seconds: f64,
+) -> Vec<(f64, f64)> {
     let mut state = AttenuatorState::default();
     let h = 1e-4;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand")]
@@ -92,7 +98,9 @@ fn oracle_force_over_displacement_on_every_axis() {
         let stiff = slope(&x, -0.003, -0.006);
         let plateau = slope(&x, -0.015, -0.035);
         let peak = x.iter().map(|p| p.1.abs()).fold(0.0, f64::max);
-        println!("{name}: X {stiff:.3e} N/m, after the brake slips {plateau:.2e} N/m, peak {peak:.0} N");
+        println!(
+            "{name}: X {stiff:.3e} N/m, after the brake slips {plateau:.2e} N/m, peak {peak:.0} N"
+        );
         assert!((stiff / 3e5 - 1.0).abs() < 0.05, "{stiff}");
         assert!(plateau.abs() < 0.05 * stiff, "{plateau}");
         assert!((2700.0..2850.0).contains(&peak), "{peak}");

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use docktwin::setup::start;
 use docktwin_physics::reduced::{DockingState, ReducedTwin};
 use docktwin_scenario::load_scenario;
-use docktwin_tests::{start, tell};
+use docktwin_tests::tell;
 use docktwin_twin::FullTwin;
 
 fn run(name: &str, steps: u32, full: bool) -> DockingState {
@@ -13,7 +14,7 @@ fn run(name: &str, steps: u32, full: bool) -> DockingState {
     let short = [("run.duration_s".to_owned(), "4.0".to_owned())];
     let scenario = load_scenario(&path, &short).expect("a good scenario");
     let h = 1e-3 / f64::from(steps);
-    let (system, bodies) = start(&scenario);
+    let (system, bodies) = start(&scenario).expect("the sides are apart");
     if full {
         tell(&scenario, FullTwin::new(system, bodies, h), steps, h).last
     } else {

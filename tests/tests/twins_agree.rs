@@ -5,10 +5,11 @@
 
 use std::{fs, path::PathBuf, thread};
 
+use docktwin::setup::start;
 use docktwin_core::Pose;
 use docktwin_physics::reduced::{DockingTwin, Inputs, ReducedTwin};
 use docktwin_scenario::{Scenario, load_scenario};
-use docktwin_tests::{Story, start, tell};
+use docktwin_tests::{Story, tell};
 use docktwin_twin::FullTwin;
 
 /// At first contact, mm and degrees.
@@ -34,7 +35,7 @@ fn scenarios() -> Vec<Scenario> {
 /// Steps of a tick as the command line chooses them, and the step in seconds.
 fn steps(scenario: &Scenario, per_ms: u32) -> (u32, f64) {
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-    let tick_s = scenario.run.tick_nanos as f64 * 1e-9;
+    let tick_s = scenario.run.tick_nanos as f64 / 1e9;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -47,13 +48,13 @@ fn steps(scenario: &Scenario, per_ms: u32) -> (u32, f64) {
 
 fn full(scenario: &Scenario) -> Story {
     let (n, h) = steps(scenario, 5);
-    let (system, bodies) = start(scenario);
+    let (system, bodies) = start(scenario).expect("the sides are apart");
     tell(scenario, FullTwin::new(system, bodies, h), n, h)
 }
 
 fn reduced(scenario: &Scenario) -> Story {
     let (n, h) = steps(scenario, 10);
-    let (system, bodies) = start(scenario);
+    let (system, bodies) = start(scenario).expect("the sides are apart");
     tell(scenario, ReducedTwin::new(system, bodies, h), n, h)
 }
 
@@ -143,7 +144,7 @@ fn invariant_a_restored_full_twin_goes_the_same_way() {
         .find(|s| s.name == "apas_nominal")
         .expect("the nominal scenario is there");
     let (n, h) = steps(&scenario, 5);
-    let (system, bodies) = start(&scenario);
+    let (system, bodies) = start(&scenario).expect("the sides are apart");
     let mut twin = FullTwin::new(system, bodies, h);
     let go = |twin: &mut FullTwin, ticks: u32| {
         for _ in 0..ticks * n {

@@ -110,8 +110,11 @@ mod tests {
     }
 
     fn angles() -> impl Strategy<Value = Euler> {
-        (-3.0..3.0f64, -3.0..3.0f64, -1.3..1.3f64)
-            .prop_map(|(roll, pitch, yaw)| Euler { roll, pitch, yaw })
+        (-3.0..3.0f64, -3.0..3.0f64, -1.3..1.3f64).prop_map(|(roll, pitch, yaw)| Euler {
+            roll,
+            pitch,
+            yaw,
+        })
     }
 
     fn rates() -> impl Strategy<Value = DVec3> {

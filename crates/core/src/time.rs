@@ -1,12 +1,16 @@
 use serde::{Deserialize, Serialize};
 
 /// Number of a tick of the scheduler (1 ms by default), counted from the start of the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct Tick(pub u64);
 
 /// Simulated time since the start of the run, in whole nanoseconds, so that a million ticks of 1 ms
 /// are exactly 1000 s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct SimTime {
     nanos: u64,
 }
@@ -32,7 +36,7 @@ impl SimTime {
     pub fn seconds(self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "exact below 104 days")]
         let n = self.nanos as f64;
-        n * 1e-9
+        n / 1e9
     }
 
     /// Instant of a tick of the given period.

@@ -64,8 +64,8 @@ Examples:
 pub(crate) struct RehearseArgs {
     /// Scenario file
     pub(crate) scenario: PathBuf,
-    /// Run directory [default: runs/<scenario>-<utc>]
-    #[arg(long, value_name = "DIR")]
+    /// Run directory; by default a new one under `runs`.
+    #[arg(long, value_name = "DIR", help = "Run directory [default: runs/<scenario>-<utc>]")]
     pub(crate) out: Option<PathBuf>,
     /// Override a key of the scenario, repeatable
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
@@ -98,21 +98,15 @@ impl TwinKind {
             Self::Reduced => "reduced",
         }
     }
-
-    /// Steps of a tick when the scenario leaves them open, for a tick of 1 ms.
-    pub(crate) const fn default_steps(self) -> u32 {
-        match self {
-            Self::Full => 5,
-            Self::Reduced => 10,
-        }
-    }
 }
 
 /// `model …`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum ModelCommand {
     /// Tell everything read, refused or ignored in a URDF or its TOML, all problems at once
-    #[command(after_help = "Examples:\n  docktwin model check models/urdf/apas_active.urdf\n  docktwin model check models/urdf/chaser_8t.toml --json")]
+    #[command(
+        after_help = "Examples:\n  docktwin model check models/urdf/apas_active.urdf\n  docktwin model check models/urdf/chaser_8t.toml --json"
+    )]
     Check {
         /// URDF or TOML of a spacecraft or of one side of a mechanism
         file: PathBuf,
@@ -123,7 +117,9 @@ pub(crate) enum ModelCommand {
 #[derive(Debug, Subcommand)]
 pub(crate) enum ScenarioCommand {
     /// Check a scenario and every model it names, all problems at once
-    #[command(after_help = "Examples:\n  docktwin scenario check scenarios/apas_nominal.toml\n  docktwin scenario check my.toml --set run.duration_s=5")]
+    #[command(
+        after_help = "Examples:\n  docktwin scenario check scenarios/apas_nominal.toml\n  docktwin scenario check my.toml --set run.duration_s=5"
+    )]
     Check {
         /// Scenario file
         file: PathBuf,
@@ -132,7 +128,9 @@ pub(crate) enum ScenarioCommand {
         set: Vec<String>,
     },
     /// Explain a key of the scenario file, or all of them
-    #[command(after_help = "Examples:\n  docktwin scenario explain\n  docktwin scenario explain initial.gap_m")]
+    #[command(
+        after_help = "Examples:\n  docktwin scenario explain\n  docktwin scenario explain initial.gap_m"
+    )]
     Explain {
         /// Key, with dots
         key: Option<String>,

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use docktwin::setup::StartOverlap;
 use docktwin_model::{ModelErrors, Problem};
 use docktwin_record::RecordError;
 use docktwin_scenario::ScenarioErrors;
@@ -42,13 +43,28 @@ pub(crate) enum Failure {
 
 fn list(problems: &[Problem]) -> String {
     let lines: Vec<String> = problems.iter().map(|p| p.to_string()).collect();
-    let many = if problems.len() == 1 { "1 problem".to_owned() } else { format!("{} problems", problems.len()) };
+    let many = if problems.len() == 1 {
+        "1 problem".to_owned()
+    } else {
+        format!("{} problems", problems.len())
+    };
     format!("{many}\n{}", lines.join("\n"))
 }
 
 impl From<ScenarioErrors> for Failure {
     fn from(e: ScenarioErrors) -> Self {
         Self::Input { problems: e.problems }
+    }
+}
+
+impl From<StartOverlap> for Failure {
+    fn from(e: StartOverlap) -> Self {
+        Self::Usage {
+            what: e.to_string(),
+            remedy:
+                "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate"
+                    .to_owned(),
+        }
     }
 }
 

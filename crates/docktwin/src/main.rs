@@ -5,7 +5,6 @@ mod commands;
 mod failure;
 mod rehearse;
 mod replay;
-mod signals;
 
 use std::process::ExitCode;
 

@@ -8,31 +8,32 @@ use std::{
     time::Instant as WallInstant,
 };
 
-use docktwin_core::{DVec3, SimTime, StateHasher, Tick, Wrench};
+use docktwin_core::{SimTime, StateHasher, Tick, Wrench};
 use docktwin_physics::{
     body::BodyState,
     contact::{PAIRS, SurfacePair},
-    initial::{ContactConditions, initial_state},
-    mechanism::{LatchPhase, MechanismState, System},
+    mechanism::{LatchPhase, System},
     outcome::{Judgement, Monitor, Outcome as Judged},
     reduced::{DockingState, DockingTwin, Inputs, ReducedTwin},
 };
 use docktwin_record::{
     ContactRow, Event, Outcome, Policy, RunWriter, SUMMARY_SCHEMA, StepUs, Summary, Verdict,
 };
-use docktwin_scenario::{
-    Body, ExpectedOutcome, Measured as Result_, Scenario, Thrust, Trigger, load_scenario,
-};
+use docktwin_scenario::{ExpectedOutcome, Measured, Scenario, load_scenario};
 use docktwin_twin::FullTwin;
 use docktwin_view::{ContactArrow, Frame, SceneModel, SceneWriter};
 use hdrhistogram::Histogram;
 use serde_json::json;
 
+use docktwin::{
+    setup::{FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, tick_digest},
+    signals::{Instant, columns, row},
+};
+
 use crate::{
     cli::{RehearseArgs, TwinKind},
     commands::overrides,
     failure::{Failure, OTHERWISE},
-    signals::{Instant, columns, row},
 };
 
 /// A contact that is interrupted for less than this is one contact in the events, s.
@@ -49,7 +50,11 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
     }
-    let steps = steps_per_tick(&scenario, args.twin);
+    let per_ms = match args.twin {
+        TwinKind::Full => FULL_STEPS_PER_MS,
+        TwinKind::Reduced => REDUCED_STEPS_PER_MS,
+    };
+    let steps = steps_per_tick(&scenario, per_ms);
     let setup = Setup { scenario: &scenario, seed: args.seed, kind: args.twin, steps, out: &out };
     let summary = match args.twin {
         TwinKind::Full => setup.rehearse(FullTwin::new, !args.no_rrd, json)?,
@@ -64,15 +69,6 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
 }
 
-/// Steps of a tick: the scenario's, or the twin's own for a tick of 1 ms.
-pub(crate) fn steps_per_tick(scenario: &Scenario, kind: TwinKind) -> u32 {
-    scenario.run.steps_per_tick.unwrap_or_else(|| {
-        let per_ms = u64::from(kind.default_steps());
-        let n = (scenario.run.tick_nanos * per_ms).div_ceil(1_000_000);
-        u32::try_from(n).unwrap_or(u32::MAX).max(1)
-    })
-}
-
 fn default_directory(name: &str) -> PathBuf {
     let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
     let mut dir = Path::new("runs").join(format!("{name}-{now}"));
@@ -82,64 +78,6 @@ fn default_directory(name: &str) -> PathBuf {
         dir = Path::new("runs").join(format!("{name}-{now}-{n}"));
     }
     dir
-}
-
-/// The bodies at the start.
-pub(crate) fn start(scenario: &Scenario) -> Result<(System, [BodyState; 3]), Failure> {
-    let system = System::new(&scenario.chaser, &scenario.target, scenario.mechanism.clone());
-    let i = &scenario.initial;
-    let conditions = ContactConditions {
-        attitude: i.attitude,
-        lateral_m: DVec3::new(0.0, i.lateral_m[0], i.lateral_m[1]),
-        velocity_m_s: DVec3::new(
-            -i.axial_speed_m_s,
-            i.lateral_speed_m_s[0],
-            i.lateral_speed_m_s[1],
-        ),
-        rate_rad_s: i.rates_rad_s,
-    };
-    let bodies = initial_state(&system, &conditions, i.gap_m).bodies;
-    let touching = {
-        let mut rigid = bodies;
-        system.follow(&mut rigid);
-        system.measure(&MechanismState::default(), &rigid.map(|b| b.pose())).contacts().touching()
-    };
-    if touching {
-        return Err(Failure::Usage {
-            what: format!(
-                "{}: the sides overlap at the start, {} m before first contact: the lateral motion \
-                 taken back that far leads through the petals",
-                scenario.name, i.gap_m
-            ),
-            remedy: "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate"
-                .to_owned(),
-        });
-    }
-    Ok((system, bodies))
-}
-
-/// Control wrenches of a tick that starts at `time_s`.
-pub(crate) fn inputs(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> Inputs {
-    let mut out = Inputs::default();
-    for t in thrusts {
-        let from = match t.after {
-            Trigger::Start => Some(0.0),
-            Trigger::FirstContact => state.first_contact_s,
-            Trigger::Capture => state.mechanism.captured_s(),
-        };
-        let Some(from) = from else { continue };
-        let since = time_s - from - t.delay_s;
-        let captured = t.until_capture && state.mechanism.captured_s().is_some();
-        if since < 0.0 || since >= t.duration_s || captured {
-            continue;
-        }
-        let w = Wrench { f: t.force_n, m: t.moment_nm };
-        match t.on {
-            Body::Chaser => out.chaser += w,
-            Body::Target => out.target += w,
-        }
-    }
-    out
 }
 
 /// What a rehearsal needs.
@@ -155,7 +93,7 @@ impl Setup<'_> {
     /// Physics step, s.
     pub(crate) fn step_s(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
-        let tick = self.scenario.run.tick_nanos as f64 * 1e-9;
+        let tick = self.scenario.run.tick_nanos as f64 / 1e9;
         tick / f64::from(self.steps)
     }
 
@@ -234,16 +172,16 @@ impl Setup<'_> {
                 }
                 run.frame_due = true;
             }
-            let digest = twin.digest();
+            let digest = tick_digest(twin.digest(), &control);
             run.chain(digest);
             row(&now, twin.system(), &control, digest.short(), &mut run.row);
             run.contact_rows(&now);
             writer.tick(Tick(tick), time, &run.row, &run.contacts)?;
-            if let Some(v) = &mut view {
-                if tick % FRAME_TICKS == 0 || run.frame_due || last {
-                    run.frame_due = false;
-                    show(v, scenario, &now, time, &mut run.arrows)?;
-                }
+            if let Some(v) = &mut view
+                && (tick.is_multiple_of(FRAME_TICKS) || run.frame_due || last)
+            {
+                run.frame_due = false;
+                show(v, scenario, &now, time, &mut run.arrows)?;
             }
             if last {
                 break;
@@ -254,7 +192,7 @@ impl Setup<'_> {
             }
             run.timing(begin.elapsed().as_nanos(), self.steps);
             tick += 1;
-            if tick % 100 == 0 {
+            if tick.is_multiple_of(100) {
                 bar.set_position(tick);
             }
         }
@@ -450,14 +388,19 @@ impl Run {
                     *story = PairStory::default();
                     tell(
                         "contact_end",
-                        format!("t = {last:.3} s {pair} part after {:.3} s, peak {:.2} kN", last - since, peak * 1e-3),
+                        format!(
+                            "t = {last:.3} s {pair} part after {:.3} s, peak {:.2} kN",
+                            last - since,
+                            peak * 1e-3
+                        ),
                         json!({ "pair": pair.to_string(), "since_s": since, "until_s": last, "peak_n": peak }),
                     );
                 }
                 _ => {}
             }
         }
-        for (i, (seen, l)) in self.latches.iter_mut().zip(&now.state.mechanism.latches).enumerate() {
+        for (i, (seen, l)) in self.latches.iter_mut().zip(&now.state.mechanism.latches).enumerate()
+        {
             if l.phase == *seen {
                 continue;
             }
@@ -474,28 +417,34 @@ impl Run {
                 json!({ "latch": i + 1, "gap_m": now.measured.latches[i].axial_m }),
             );
         }
-        if !self.captured {
-            if let Some(at) = now.state.mechanism.captured_s() {
-                self.captured = true;
-                tell(
-                    "captured",
-                    format!("t = {at:.3} s all three latches hold: the rings are joined"),
-                    json!({ "capture_s": at }),
-                );
-            }
+        if let (false, Some(at)) = (self.captured, now.state.mechanism.captured_s()) {
+            self.captured = true;
+            tell(
+                "captured",
+                format!("t = {at:.3} s all three latches hold: the rings are joined"),
+                json!({ "capture_s": at }),
+            );
         }
         let thrusting = [control.chaser, control.target].map(|w| w != Wrench::ZERO);
         for (i, name) in ["chaser", "target"].into_iter().enumerate() {
             if thrusting[i] != self.thrust[i] {
                 self.thrust[i] = thrusting[i];
-                let (kind, word) = if thrusting[i] { ("thrust_on", "on") } else { ("thrust_off", "off") };
-                tell(kind, format!("t = {t:.3} s thrust of the {name} {word}"), json!({ "on": name }));
+                let (kind, word) =
+                    if thrusting[i] { ("thrust_on", "on") } else { ("thrust_off", "off") };
+                tell(
+                    kind,
+                    format!("t = {t:.3} s thrust of the {name} {word}"),
+                    json!({ "on": name }),
+                );
             }
         }
         if let Some(l) = self.monitor.limit() {
             tell(
                 "limit",
-                format!("t = {t:.3} s {} passed its limit of {:.4}: {:.4}", l.name, l.limit, l.reached),
+                format!(
+                    "t = {t:.3} s {} passed its limit of {:.4}: {:.4}",
+                    l.name, l.limit, l.reached
+                ),
                 json!({ "limit": l.name, "value": l.limit, "reached": l.reached }),
             );
         }
@@ -541,7 +490,7 @@ impl Run {
     ) -> Summary {
         let scenario = setup.scenario;
         let capture_s = state.mechanism.captured_s();
-        let measured = Result_ {
+        let measured = Measured {
             outcome: match judgement.outcome {
                 Judged::Captured => ExpectedOutcome::Captured,
                 Judged::Rebounded => ExpectedOutcome::Rebounded,
@@ -583,7 +532,12 @@ impl Run {
             },
             verdict: if failures.is_empty() { Verdict::Pass } else { Verdict::Fail },
             failure_reason: (!failures.is_empty()).then(|| {
-                format!("{} [{}: {}]", failures.join("; "), judgement.outcome.name(), judgement.reason)
+                format!(
+                    "{} [{}: {}]",
+                    failures.join("; "),
+                    judgement.outcome.name(),
+                    judgement.reason
+                )
             }),
             first_contact_s: state.first_contact_s,
             capture_s,
@@ -656,12 +610,26 @@ fn print(s: &Summary, scenario: &Scenario, out: &Path) {
     println!("  capture        {}", seconds(s.capture_s));
     let latches: Vec<String> = s.latches_s.iter().map(|t| seconds(*t)).collect();
     println!("  latches        {}", latches.join(", "));
-    println!("  peak force     {:.1} N, moment {:.1} N·m, depth {:.3} mm", s.peak_force_n, s.peak_moment_nm, s.peak_penetration_m * 1e3);
+    println!(
+        "  peak force     {:.1} N, moment {:.1} N·m, depth {:.3} mm",
+        s.peak_force_n,
+        s.peak_moment_nm,
+        s.peak_penetration_m * 1e3
+    );
     println!("  impulse        {:.2} N·s", s.impulse_ns);
-    println!("  energy         {:.3} J in, {:.3} J dissipated, account off by {:.1e}", s.energy_in_j, s.energy_dissipated_j, s.energy_balance_error);
+    println!(
+        "  energy         {:.3} J in, {:.3} J dissipated, account off by {:.1e}",
+        s.energy_in_j, s.energy_dissipated_j, s.energy_balance_error
+    );
     println!("  momentum       off by {:.1e}", s.momentum_error);
-    println!("  time           {:.1} s simulated in {:.2} s: {:.0} × real time", s.duration_s, s.wall_s, s.realtime_factor);
-    println!("  step           p50 {:.1} µs, p99 {:.1} µs, p99.9 {:.1} µs, max {:.1} µs, n {}", s.step_us.p50, s.step_us.p99, s.step_us.p999, s.step_us.max, s.step_us.n);
+    println!(
+        "  time           {:.1} s simulated in {:.2} s: {:.0} × real time",
+        s.duration_s, s.wall_s, s.realtime_factor
+    );
+    println!(
+        "  step           p50 {:.1} µs, p99 {:.1} µs, p99.9 {:.1} µs, max {:.1} µs, n {}",
+        s.step_us.p50, s.step_us.p99, s.step_us.p999, s.step_us.max, s.step_us.n
+    );
     println!("  state digest   {}", s.state_digest);
     println!("  written to     {}", out.display());
     println!("Replay it with: docktwin replay {}", out.display());

@@ -2,6 +2,10 @@
 
 use std::{path::Path, process::ExitCode};
 
+use docktwin::{
+    setup::{start, tick_digest},
+    signals::input_columns,
+};
 use docktwin_core::{DVec3, Wrench};
 use docktwin_model::FileDigest;
 use docktwin_physics::reduced::{DockingTwin, Inputs, ReducedTwin};
@@ -13,8 +17,7 @@ use serde_json::json;
 use crate::{
     cli::ReplayArgs,
     failure::{Failure, OTHERWISE},
-    rehearse::{file_name, start},
-    signals::input_columns,
+    rehearse::file_name,
 };
 
 /// What a replay found.
@@ -44,7 +47,7 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     same_files(&scenario.files, &metadata, &args.run)?;
     let (tick_nanos, steps) = (number("tick_nanos")?, number("steps_per_tick")?);
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-    let h = tick_nanos as f64 * 1e-9 / steps as f64;
+    let h = tick_nanos as f64 / 1e9 / steps as f64;
     let twin = of("twin")?;
     let (system, bodies) = start(&scenario)?;
     let found = match twin.as_str() {
@@ -102,7 +105,11 @@ fn same_files(
         return Ok(());
     }
     Err(Failure::Usage {
-        what: format!("model files changed since {} was recorded:\n{}", run.display(), changed.join("\n")),
+        what: format!(
+            "model files changed since {} was recorded:\n{}",
+            run.display(),
+            changed.join("\n")
+        ),
         remedy: "restore the files of that day, or rehearse again".to_owned(),
     })
 }
@@ -125,19 +132,19 @@ fn compare<T: DockingTwin>(
     let mut found = Found { ticks: 0, cut: None, first_difference: None };
     while let Some(record) = reader.next_tick()? {
         found.ticks += 1;
-        let recorded = record.row[digest].bits();
-        let replayed = twin.digest().short();
-        if recorded != replayed {
-            found.first_difference =
-                Some((record.tick.0, record.time.seconds(), recorded, replayed));
-            break;
-        }
         let number = |i: usize| f64::from_bits(Cell::bits(record.row[inputs[i]]));
         let vector = |i: usize| DVec3::new(number(i), number(i + 1), number(i + 2));
         let control = Inputs {
             chaser: Wrench { f: vector(0), m: vector(3) },
             target: Wrench { f: vector(6), m: vector(9) },
         };
+        let recorded = record.row[digest].bits();
+        let replayed = tick_digest(twin.digest(), &control).short();
+        if recorded != replayed {
+            found.first_difference =
+                Some((record.tick.0, record.time.seconds(), recorded, replayed));
+            break;
+        }
         for _ in 0..steps {
             twin.step(&control);
         }

@@ -11,29 +11,36 @@ use docktwin_record::{Cell, Column};
 use docktwin_view::{Energies, Scalars};
 
 /// Most places of contact recorded in one tick.
-pub(crate) const MAX_CONTACTS: usize = 32;
+pub const MAX_CONTACTS: usize = 32;
 
 /// One instant, everything derived from the state.
-pub(crate) struct Instant<'a> {
-    pub(crate) state: &'a DockingState,
-    pub(crate) measured: Measured,
-    pub(crate) forces: Forces,
-    pub(crate) energy: Energy,
-    pub(crate) momentum: Wrench,
-    pub(crate) contacts: [ContactSample; MAX_CONTACTS],
-    pub(crate) contact_count: usize,
+pub struct Instant<'a> {
+    /// The state looked at.
+    pub state: &'a DockingState,
+    /// Contacts, deflection, latch gaps, frames.
+    pub measured: Measured,
+    /// Wrenches inside the mechanism.
+    pub forces: Forces,
+    /// Energy account, J.
+    pub energy: Energy,
+    /// Linear momentum, kg·m/s, and angular momentum about the world's origin, kg·m²/s.
+    pub momentum: Wrench,
+    contacts: [ContactSample; MAX_CONTACTS],
+    contact_count: usize,
     /// Motion of `e4` against `e3` at the passive ring's centre, axes of `e3`.
-    pub(crate) relative: Twist,
+    pub relative: Twist,
     /// F3, M3: on the chaser at the origin of `e3`, in `e3`.
-    pub(crate) port3: Wrench,
+    pub port3: Wrench,
     /// F4, M4: on the target at the origin of `e4`, in `e4`.
-    pub(crate) port4: Wrench,
-    pub(crate) overtravel_m: f64,
+    pub port4: Wrench,
+    /// How far the attenuator is beyond its travel, m.
+    pub overtravel_m: f64,
 }
 
 impl<'a> Instant<'a> {
     /// Looks at a state. `h` is the physics step, over which friction is evaluated.
-    pub(crate) fn new(system: &System, state: &'a DockingState, time_s: f64, h: f64) -> Self {
+    #[must_use]
+    pub fn new(system: &System, state: &'a DockingState, time_s: f64, h: f64) -> Self {
         let poses = state.poses();
         let com = poses.map(|x| x.p);
         let mass = system.mass();
@@ -79,7 +86,8 @@ impl<'a> Instant<'a> {
     }
 
     /// What the monitor looks at.
-    pub(crate) fn observation(&self, time_s: f64) -> Observation {
+    #[must_use]
+    pub fn observation(&self, time_s: f64) -> Observation {
         let frames = self.measured.poses();
         let ring = docktwin_core::Pose::new(frames.x_wp.p, frames.x_w4.q);
         Observation {
@@ -98,16 +106,19 @@ impl<'a> Instant<'a> {
     }
 
     /// Places of contact.
-    pub(crate) fn contacts(&self) -> &[ContactSample] {
+    #[must_use]
+    pub fn contacts(&self) -> &[ContactSample] {
         &self.contacts[..self.contact_count]
     }
 
     /// Curves for the viewer.
-    pub(crate) fn scalars(&self) -> Scalars {
+    #[must_use]
+    pub fn scalars(&self) -> Scalars {
         let frames = self.measured.poses();
         let x_34 = frames.x_w3.inverse() * frames.x_w4;
         let deflection = self.measured.deflection();
-        let degrees = |e: Euler| DVec3::new(e.roll, e.pitch, e.yaw) * (180.0 / core::f64::consts::PI);
+        let degrees =
+            |e: Euler| DVec3::new(e.roll, e.pitch, e.yaw) * (180.0 / core::f64::consts::PI);
         let lost = &self.state.mechanism.losses;
         Scalars {
             relative_position_m: x_34.p,
@@ -134,7 +145,8 @@ impl<'a> Instant<'a> {
 const XYZ: [&str; 3] = ["x", "y", "z"];
 
 /// Columns of the recording, in the order of [`row`].
-pub(crate) fn columns() -> Vec<Column> {
+#[must_use]
+pub fn columns() -> Vec<Column> {
     let mut out = Vec::new();
     let mut vector = |topic: &str, name: &str, unit: &str| {
         for a in XYZ {
@@ -170,8 +182,14 @@ pub(crate) fn columns() -> Vec<Column> {
         }
     }
     for kind in [
-        "kinetic", "stored", "lost_contact", "lost_friction", "lost_attenuator", "lost_joint",
-        "lost_capture", "work_in",
+        "kinetic",
+        "stored",
+        "lost_contact",
+        "lost_friction",
+        "lost_attenuator",
+        "lost_joint",
+        "lost_capture",
+        "work_in",
     ] {
         out.push(Column::f64("/energy", format!("energy_{kind}_j")));
     }
@@ -188,7 +206,7 @@ pub(crate) fn columns() -> Vec<Column> {
 }
 
 /// One row; `out` is cleared and filled without growing after the first tick.
-pub(crate) fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64, out: &mut Vec<Cell>) {
+pub fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64, out: &mut Vec<Cell>) {
     out.clear();
     let mut vector = |v: DVec3| out.extend(v.to_array().map(Cell::from));
     for (b, m) in i.state.bodies.iter().zip(system.mass()) {
@@ -223,8 +241,14 @@ pub(crate) fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64
     let l = &i.state.mechanism.losses;
     out.extend(
         [
-            i.energy.kinetic, i.energy.stored, l.contact, l.friction, l.attenuator, l.joint,
-            l.capture, i.energy.work_in,
+            i.energy.kinetic,
+            i.energy.stored,
+            l.contact,
+            l.friction,
+            l.attenuator,
+            l.joint,
+            l.capture,
+            i.energy.work_in,
         ]
         .map(Cell::from),
     );
@@ -236,7 +260,8 @@ pub(crate) fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64
 }
 
 /// Names of the control wrench columns, in the order of [`Inputs`].
-pub(crate) fn input_columns() -> Vec<String> {
+#[must_use]
+pub fn input_columns() -> Vec<String> {
     let mut out = Vec::new();
     for body in ["chaser", "target"] {
         for (part, unit) in [("force", "n"), ("moment", "nm")] {

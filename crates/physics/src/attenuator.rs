@@ -51,7 +51,7 @@ pub struct AttenuatorState {
 
 impl AttenuatorState {
     /// Adds all bits to a digest.
-    pub fn hash(&self, h: &mut StateHasher) {
+    pub fn hash_into(&self, h: &mut StateHasher) {
         for c in &self.channels {
             h.vec3(c.slip);
             h.vec3(c.dry);

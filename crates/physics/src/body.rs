@@ -211,9 +211,9 @@ impl BodyPair {
                     mid[i] = Twist { v: twist0[i].v + dv.v * 0.5, w: twist0[i].w + dv.w * 0.5 };
                 }
             }
-            for i in 0..2 {
-                self.state[i].kick(&self.mass[i], w[i], d);
-                self.state[i].drift(&self.mass[i], 0.5 * d);
+            for ((s, m), w) in self.state.iter_mut().zip(&self.mass).zip(w) {
+                s.kick(m, w, d);
+                s.drift(m, 0.5 * d);
             }
             t += 0.5 * d;
         }

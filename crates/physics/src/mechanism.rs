@@ -127,9 +127,9 @@ impl MechanismState {
     }
 
     /// Adds all bits to a digest.
-    pub fn hash(&self, h: &mut StateHasher) {
-        self.contact.hash(h);
-        self.attenuator.hash(h);
+    pub fn hash_into(&self, h: &mut StateHasher) {
+        self.contact.hash_into(h);
+        self.attenuator.hash_into(h);
         for l in &self.latches {
             h.u64(l.phase as u64);
             l.times_s.iter().for_each(|t| h.f64(t.unwrap_or(-1.0)));

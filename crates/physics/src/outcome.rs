@@ -145,10 +145,8 @@ impl Monitor {
         }
         let hanging = self.latched > 0 || (o.touching && slow);
         self.jam_since_s = if hanging { self.jam_since_s.or(Some(o.time_s)) } else { None };
-        if let Some(since) = self.jam_since_s {
-            if o.time_s - since > rules.jam_time_s {
-                self.jammed_s.get_or_insert(o.time_s);
-            }
+        if self.jam_since_s.is_some_and(|since| o.time_s - since > rules.jam_time_s) {
+            self.jammed_s.get_or_insert(o.time_s);
         }
         let opening = o.relative.v.x > 0.0;
         if opening && !o.touching && o.x_ring.p.x > petals && self.first_contact_s.is_some() {

@@ -71,14 +71,14 @@ impl DockingState {
     }
 
     /// Adds all bits to a digest.
-    pub fn hash(&self, h: &mut StateHasher) {
+    pub fn hash_into(&self, h: &mut StateHasher) {
         for b in &self.bodies {
             h.vec3(b.p);
             h.quat(b.q);
             h.vec3(b.v);
             h.vec3(b.l);
         }
-        self.mechanism.hash(h);
+        self.mechanism.hash_into(h);
         h.u64(self.step);
         h.f64(self.work_in_j);
     }
@@ -87,7 +87,7 @@ impl DockingState {
     #[must_use]
     pub fn digest(&self) -> Digest {
         let mut h = StateHasher::new();
-        self.hash(&mut h);
+        self.hash_into(&mut h);
         h.finish()
     }
 

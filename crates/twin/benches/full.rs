@@ -22,10 +22,9 @@ fn models(file: &str) -> PathBuf {
 fn in_contact() -> FullTwin {
     let chaser = load_spacecraft(&models("chaser_8t.urdf")).expect("chaser").model;
     let target = load_spacecraft(&models("target_12t.urdf")).expect("target").model;
-    let mechanism =
-        load_mechanism(&models("apas_active.urdf"), &models("apas_passive.urdf"), None)
-            .expect("mechanism")
-            .model;
+    let mechanism = load_mechanism(&models("apas_active.urdf"), &models("apas_passive.urdf"), None)
+        .expect("mechanism")
+        .model;
     let system = System::new(&chaser, &target, mechanism);
     let conditions = ContactConditions {
         attitude: Euler::from_degrees(15.0, 7.0, 0.0),

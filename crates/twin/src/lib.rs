@@ -99,10 +99,7 @@ impl FullTwin {
     fn body(&self, i: usize) -> (Pose, Twist) {
         let b = &self.world.bodies[self.handles[i]];
         let x = b.position();
-        (
-            Pose::new(x.translation, x.rotation),
-            Twist { v: b.linvel(), w: b.angvel() },
-        )
+        (Pose::new(x.translation, x.rotation), Twist { v: b.linvel(), w: b.angvel() })
     }
 
     /// Whether rapier found a state that is not finite and set it aside.
@@ -190,7 +187,7 @@ impl DockingTwin for FullTwin {
             h.vec3(t.v);
             h.vec3(t.w);
         }
-        self.memory.mechanism.hash(&mut h);
+        self.memory.mechanism.hash_into(&mut h);
         h.u64(self.memory.step);
         h.f64(self.memory.work_in_j);
         h.finish()
@@ -228,7 +225,10 @@ mod tests {
             ),
         ] {
             let back = mass_properties(2.0, inertia).reconstruct_inertia_matrix();
-            assert!((back - inertia).abs_diff_eq(DMat3::ZERO, 1e-12), "{inertia} came back as {back}");
+            assert!(
+                (back - inertia).abs_diff_eq(DMat3::ZERO, 1e-12),
+                "{inertia} came back as {back}"
+            );
         }
     }
 }

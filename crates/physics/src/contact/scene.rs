@@ -258,7 +258,7 @@ impl Default for ContactState {
 
 impl ContactState {
     /// Adds all bits to a digest.
-    pub fn hash(&self, h: &mut StateHasher) {
+    pub fn hash_into(&self, h: &mut StateHasher) {
         for b in self.bristles.iter().flatten() {
             h.vec3(b.y);
             h.f64(b.u);

@@ -43,7 +43,6 @@ pub fn line(k: f64, to: f64) -> PiecewiseCurve {
     PiecewiseCurve { points: vec![[0.0, 0.0], [to, k * to]] }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a table row")]
 pub fn channel(
     k: f64,
     before: f64,

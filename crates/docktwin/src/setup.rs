@@ -1,0 +1,104 @@
+//! From a scenario to bodies, control wrenches and steps: what every way of running it shares.
+
+use docktwin_core::{DVec3, Digest, StateHasher, Wrench};
+use docktwin_physics::{
+    body::BodyState,
+    initial::{ContactConditions, initial_state},
+    mechanism::{MechanismState, System},
+    reduced::{DockingState, Inputs},
+};
+use docktwin_scenario::{Body, Scenario, Thrust, Trigger};
+
+/// Steps of a tick of 1 ms of the full twin: 0.2 ms each.
+pub const FULL_STEPS_PER_MS: u32 = 5;
+/// Steps of a tick of 1 ms of the reduced twin: 0.1 ms each.
+pub const REDUCED_STEPS_PER_MS: u32 = 10;
+
+/// The sides overlap at the start of a scenario.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{scenario}: the sides overlap at the start, {gap_m} m before first contact: the lateral motion \
+     taken back that far leads through the petals"
+)]
+pub struct StartOverlap {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Its `initial.gap_m`, m.
+    pub gap_m: f64,
+}
+
+/// Steps of a tick: the scenario's, or `per_ms` of its own for a tick of 1 ms.
+#[must_use]
+pub fn steps_per_tick(scenario: &Scenario, per_ms: u32) -> u32 {
+    scenario.run.steps_per_tick.unwrap_or_else(|| {
+        let per_ms = u64::from(per_ms);
+        let n = (scenario.run.tick_nanos * per_ms).div_ceil(1_000_000);
+        u32::try_from(n).unwrap_or(u32::MAX).max(1)
+    })
+}
+
+/// The bodies at the start.
+///
+/// # Errors
+/// When the sides overlap there.
+pub fn start(scenario: &Scenario) -> Result<(System, [BodyState; 3]), StartOverlap> {
+    let system = System::new(&scenario.chaser, &scenario.target, scenario.mechanism.clone());
+    let i = &scenario.initial;
+    let conditions = ContactConditions {
+        attitude: i.attitude,
+        lateral_m: DVec3::new(0.0, i.lateral_m[0], i.lateral_m[1]),
+        velocity_m_s: DVec3::new(
+            -i.axial_speed_m_s,
+            i.lateral_speed_m_s[0],
+            i.lateral_speed_m_s[1],
+        ),
+        rate_rad_s: i.rates_rad_s,
+    };
+    let bodies = initial_state(&system, &conditions, i.gap_m).bodies;
+    let touching = {
+        let mut rigid = bodies;
+        system.follow(&mut rigid);
+        system.measure(&MechanismState::default(), &rigid.map(|b| b.pose())).contacts().touching()
+    };
+    if touching {
+        return Err(StartOverlap { scenario: scenario.name.clone(), gap_m: i.gap_m });
+    }
+    Ok((system, bodies))
+}
+
+/// Control wrenches of a tick that starts at `time_s`.
+#[must_use]
+pub fn inputs(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> Inputs {
+    let mut out = Inputs::default();
+    for t in thrusts {
+        let from = match t.after {
+            Trigger::Start => Some(0.0),
+            Trigger::FirstContact => state.first_contact_s,
+            Trigger::Capture => state.mechanism.captured_s(),
+        };
+        let Some(from) = from else { continue };
+        let since = time_s - from - t.delay_s;
+        let captured = t.until_capture && state.mechanism.captured_s().is_some();
+        if since < 0.0 || since >= t.duration_s || captured {
+            continue;
+        }
+        let w = Wrench { f: t.force_n, m: t.moment_nm };
+        match t.on {
+            Body::Chaser => out.chaser += w,
+            Body::Target => out.target += w,
+        }
+    }
+    out
+}
+
+/// Digest of a tick: the state at its start and the control wrenches held over it. A flipped bit of
+/// an input shows even where rounding would hide it from the state.
+#[must_use]
+pub fn tick_digest(state: Digest, inputs: &Inputs) -> Digest {
+    let mut h = StateHasher::chained(state);
+    for w in [inputs.chaser, inputs.target] {
+        h.vec3(w.f);
+        h.vec3(w.m);
+    }
+    h.finish()
+}
