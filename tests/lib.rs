@@ -3,7 +3,10 @@
 //! A scenario becomes bodies and control wrenches as in the command line, but without a recording:
 //! what is tested here are the twins.
 
-use docktwin::{setup::inputs, signals::Instant};
+use docktwin::{
+    setup::{inputs, thrust_ahead},
+    signals::Instant,
+};
 use docktwin_core::Pose;
 use docktwin_physics::{
     outcome::{Judgement, Monitor},
@@ -60,7 +63,8 @@ pub fn tell<T: DockingTwin>(scenario: &Scenario, mut twin: T, steps: u32, h: f64
             capture_tick.get_or_insert(relative.len());
         }
         relative.push(frames.x_w3.inverse() * frames.x_w4);
-        let decided = scenario.run.stop_when_decided && monitor.decided(time_s);
+        let decided = scenario.run.stop_when_decided
+            && monitor.decided(time_s, thrust_ahead(&scenario.thrusts, &state, time_s));
         if tick == ticks || monitor.limit().is_some() || decided {
             let judgement = monitor.judge(time_s);
             return Story { relative, first_contact_tick, capture_tick, last: state, judgement };

@@ -11,6 +11,8 @@ use miette::Diagnostic;
 
 /// Exit code of a run that ended otherwise than expected.
 pub(crate) const OTHERWISE: u8 = 1;
+/// Exit code of a defect of ours.
+pub(crate) const DEFECT: u8 = 70;
 /// Exit code of bad input.
 pub(crate) const BAD_INPUT: u8 = 2;
 

@@ -12,8 +12,15 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
-    match commands::run(&cli) {
-        Ok(code) => code,
-        Err(failure) => failure.report(cli.common.json),
+    // A panic is a defect of ours and has its own exit code; the panic hook has told where.
+    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::run(&cli))) {
+        Ok(Ok(code)) => code,
+        Ok(Err(failure)) => failure.report(cli.common.json),
+        Err(_) => {
+            eprintln!(
+                "this is a defect of docktwin; please report it with the command and its files"
+            );
+            ExitCode::from(failure::DEFECT)
+        }
     }
 }

@@ -9,6 +9,7 @@ use std::{
 };
 
 use docktwin_core::{SimTime, StateHasher, Tick, Wrench};
+use docktwin_model::FileDigest;
 use docktwin_physics::{
     body::BodyState,
     contact::{PAIRS, SurfacePair},
@@ -26,7 +27,10 @@ use hdrhistogram::Histogram;
 use serde_json::json;
 
 use docktwin::{
-    setup::{FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, tick_digest},
+    setup::{
+        FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, thrust_ahead,
+        tick_digest,
+    },
     signals::{Instant, columns, row},
 };
 
@@ -111,8 +115,8 @@ impl Setup<'_> {
         .into_iter()
         .map(|(k, v)| (k.to_owned(), v))
         .collect();
-        for f in &self.scenario.files {
-            m.insert(format!("digest:{}", file_name(&f.path)), f.digest.to_string());
+        for (key, f) in digest_keys(&self.scenario.files) {
+            m.insert(key, f.digest.to_string());
         }
         m
     }
@@ -158,7 +162,11 @@ impl Setup<'_> {
             let now = Instant::new(twin.system(), &state, time.seconds(), h);
             let last = tick == ticks
                 || run.monitor.limit().is_some()
-                || (scenario.run.stop_when_decided && run.monitor.decided(time.seconds()));
+                || (scenario.run.stop_when_decided
+                    && run.monitor.decided(
+                        time.seconds(),
+                        thrust_ahead(&scenario.thrusts, &state, time.seconds()),
+                    ));
             let control = if last {
                 Inputs::default()
             } else {
@@ -250,8 +258,13 @@ impl Setup<'_> {
     }
 }
 
-/// Name of a file for a metadata key.
-pub(crate) fn file_name(path: &Path) -> String {
+/// Keys under which the digests of a run's model files are kept. Numbered, because two files may have
+/// one name; the scenario itself, first of all, is kept whole.
+pub(crate) fn digest_keys(files: &[FileDigest]) -> impl Iterator<Item = (String, &FileDigest)> {
+    files.iter().enumerate().skip(1).map(|(i, f)| (format!("digest:{i}:{}", file_name(&f.path)), f))
+}
+
+fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
@@ -272,6 +285,11 @@ struct PairStory {
     peak_n: f64,
 }
 
+/// The larger error; one that is not a number is the worst of all.
+fn worst(so_far: f64, now: f64) -> f64 {
+    if now.is_nan() { f64::INFINITY } else { so_far.max(now) }
+}
+
 /// What is gathered along a run.
 struct Run {
     monitor: Monitor,
@@ -284,6 +302,7 @@ struct Run {
     captured: bool,
     thrust: [bool; 2],
     frame_due: bool,
+    limit_told: bool,
     chain: StateHasher,
     histogram: Histogram<u64>,
     steps: u64,
@@ -312,6 +331,7 @@ impl Run {
             captured: false,
             thrust: [false; 2],
             frame_due: true,
+            limit_told: false,
             chain: StateHasher::new(),
             histogram,
             steps: 0,
@@ -438,7 +458,9 @@ impl Run {
                 );
             }
         }
-        if let Some(l) = self.monitor.limit() {
+        if let (false, Some(l)) = (self.limit_told, self.monitor.limit()) {
+            self.limit_told = true;
+            let t = l.time_s;
             tell(
                 "limit",
                 format!(
@@ -456,7 +478,7 @@ impl Run {
         let start = *self.energy_start.get_or_insert(e.kinetic + e.stored);
         self.energy_in = start + e.work_in.max(0.0);
         let balance = start + e.work_in - e.kinetic - e.stored - e.lost;
-        self.energy_error = self.energy_error.max((balance / self.energy_in).abs());
+        self.energy_error = worst(self.energy_error, (balance / self.energy_in).abs());
 
         let p0 = *self.momentum_start.get_or_insert_with(|| {
             // Scale: linear and angular momentum of the chaser about the common mass centre, which
@@ -472,7 +494,7 @@ impl Run {
             now.momentum.m - p0.m - now.state.impulse_in.m,
         );
         let (sp, sl) = self.momentum_scale;
-        self.momentum_error = self.momentum_error.max(dp.length() / sp).max(dl.length() / sl);
+        self.momentum_error = worst(self.momentum_error, (dp.length() / sp).max(dl.length() / sl));
         if !now.measured.contacts().touching() && now.state.first_contact_s.is_some() {
             self.exit_speed = Some(now.relative.v.length());
         } else {

@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::{
     cli::ReplayArgs,
     failure::{Failure, OTHERWISE},
-    rehearse::file_name,
+    rehearse::digest_keys,
 };
 
 /// What a replay found.
@@ -91,12 +91,9 @@ fn same_files(
     metadata: &std::collections::BTreeMap<String, String>,
     run: &Path,
 ) -> Result<(), Failure> {
-    let changed: Vec<String> = files
-        .iter()
-        .filter(|f| file_name(&f.path) != "scenario.toml")
-        .filter_map(|f| {
-            let name = file_name(&f.path);
-            let then = metadata.get(&format!("digest:{name}"))?;
+    let changed: Vec<String> = digest_keys(files)
+        .filter_map(|(key, f)| {
+            let then = metadata.get(&key)?;
             (*then != f.digest.to_string())
                 .then(|| format!("{} was {then}, is {}", f.path.display(), f.digest))
         })

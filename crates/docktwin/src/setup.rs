@@ -91,6 +91,22 @@ pub fn inputs(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> Inputs {
     out
 }
 
+/// Whether a thrust is on at `time_s` or still to come.
+#[must_use]
+pub fn thrust_ahead(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> bool {
+    thrusts.iter().any(|t| {
+        let captured = state.mechanism.captured_s();
+        let from = match t.after {
+            Trigger::Start => Some(0.0),
+            Trigger::FirstContact => state.first_contact_s,
+            // Without a capture this thrust never comes.
+            Trigger::Capture => captured,
+        };
+        let ended = t.until_capture && captured.is_some();
+        !ended && from.is_some_and(|from| time_s < from + t.delay_s + t.duration_s)
+    })
+}
+
 /// Digest of a tick: the state at its start and the control wrenches held over it. A flipped bit of
 /// an input shows even where rounding would hide it from the state.
 #[must_use]

@@ -475,6 +475,17 @@ fn read_channel(t: &Table<'_, '_>, k: &ChannelKeys) -> AxisChannel {
         stop_stiffness: t.noted(k.stop_stiffness, Range::positive(1e12)),
         stop_damping: t.noted(k.stop_damping, damping),
     };
+    if let Some(b) = &channel.series_brake {
+        let damping = channel.damping.before_capture.min(channel.damping.after_capture);
+        if b.viscous + damping <= 0.0 {
+            t.refuse(
+                k.before,
+                "with a series brake that has no viscous part, zero damping leaves the slip rate open"
+                    .to_owned(),
+                "give the damping or the brake's viscous part a value above 0",
+            );
+        }
+    }
     if let Some(x) = first_above(&channel.unloading, &channel.loading) {
         t.refuse(
             k.unloading,

@@ -545,7 +545,7 @@ impl System {
         }
         if state.latches.iter().all(|l| l.phase == LatchPhase::Latched) {
             let before = self.interface_energy(m, state);
-            state.joint = Some(join(m, f.on_target, time_s));
+            state.joint = Some(join(m, l, f.on_target, at(RING), at(TARGET), time_s));
             state.losses.capture += before - self.interface_energy(m, state);
             state.contact = ContactState::default();
         }
@@ -582,7 +582,7 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
 
 /// Three point springs that start at the wrench of the instant: the smallest forces at the strikers
 /// that add up to it.
-fn join(m: &Measured, on_target: Wrench, time_s: f64) -> Joint {
+fn join(m: &Measured, l: &LatchSet, on_target: Wrench, r: Twist, t: Twist, time_s: f64) -> Joint {
     let back = m.poses.x_wr.q.conjugate();
     let w = on_target.rotated(back);
     let anchor = m.latches.map(|g| g.striker_r);
@@ -596,7 +596,14 @@ fn join(m: &Measured, on_target: Wrench, time_s: f64) -> Joint {
         a -= s * s;
     }
     let lambda = a.inverse() * about_centre.m;
-    Joint { since_s: time_s, anchor, preload: arms.map(|r| w.f / 3.0 + lambda.cross(r)) }
+    // The dampers of the joint act from the start: their share is taken off beforehand.
+    let damper = |s: DVec3| {
+        let arm = m.poses.x_wr.q * s;
+        let rate = t.v + t.w.cross(arm) - r.v - r.w.cross(arm);
+        back * rate * l.joined_damping_n_s_m
+    };
+    let preload = core::array::from_fn(|i| w.f / 3.0 + lambda.cross(arms[i]) + damper(anchor[i]));
+    Joint { since_s: time_s, anchor, preload }
 }
 
 impl System {

@@ -178,13 +178,14 @@ impl Monitor {
             .map(|(name, limit, reached)| LimitPassed { name, limit, reached, time_s: o.time_s });
     }
 
-    /// Whether nothing that can still happen would change the outcome.
+    /// Whether there is nothing more to wait for: a limit passed, attenuation ended, jammed for the
+    /// file's time, or parted; none of them while a thrust is on or still to come.
     #[must_use]
-    pub fn decided(&self, now_s: f64) -> bool {
-        self.limit.is_some()
-            || self.settled_s.is_some_and(|s| now_s - s > 1.0)
+    pub fn decided(&self, now_s: f64, thrust_ahead: bool) -> bool {
+        let over = self.settled_s.is_some_and(|s| now_s - s > 1.0)
             || self.jammed_s.is_some()
-            || self.separated_s.is_some()
+            || self.separated_s.is_some();
+        self.limit.is_some() || (over && !thrust_ahead)
     }
 
     /// The judgement at the end of the run.
@@ -223,7 +224,7 @@ impl Monitor {
                 format!("{} of 3 latches caught when the scenario ended", self.latched),
             );
         }
-        if !self.guided {
+        if !self.guided || (self.first_contact_s.is_some() && !self.touched_guided) {
             let touch = if self.first_contact_s.is_some() {
                 "touched outside"
             } else {

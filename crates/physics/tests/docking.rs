@@ -46,3 +46,39 @@ fn invariant_momentum_and_energy_through_capture() {
         assert!(angular < 1e-12 * f64::from(seconds), "{v} m/s: angular momentum {angular:e}");
     }
 }
+
+/// First touches from all over the capture box: nothing jumps in the steps after them.
+#[test]
+fn invariant_no_touch_begins_with_a_false_depth() {
+    let system = System::new(&common::chaser(), &common::target(), common::apas());
+    // A small linear congruential generator: the draws are the same on every machine.
+    let mut seed = 20_261_122u64;
+    let mut draw = |half: f64| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let bits = u32::try_from(seed >> 33).expect("31 bits");
+        half * (2.0 * f64::from(bits) / f64::from(1u32 << 31) - 1.0)
+    };
+    let mut cases: Vec<([f64; 2], [f64; 3])> = vec![
+        // Found in review: the far side of a pair of petals was taken for crossed cores.
+        ([-0.083_419_364_5, 0.090_912_433_1], [-14.239_658_555, 3.211_929_104, -6.703_971_824]),
+        ([-0.0837, 0.1838], [-10.756, -1.751, -0.221]),
+    ];
+    for _ in 0..300 {
+        cases.push(([draw(0.15), draw(0.15)], [draw(15.0), draw(7.0), draw(7.0)]));
+    }
+    let mut touched = 0;
+    for ([y, z], euler) in cases {
+        let mut s = common::start(&system, &common::conditions(0.35, y, z, euler), 2e-3);
+        for _ in 0..300 {
+            system.step(&mut s, &Inputs::default(), 1e-4);
+        }
+        touched += u32::from(s.first_contact_s.is_some());
+        assert!(
+            s.peak_depth_m < 8e-3 && s.peak_force_n < 8e3,
+            "y {y} z {z} {euler:?}: depth {} m, force {} N",
+            s.peak_depth_m,
+            s.peak_force_n
+        );
+    }
+    assert!(touched > 250, "only {touched} approaches touched");
+}

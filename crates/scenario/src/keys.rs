@@ -179,8 +179,8 @@ pub(crate) const KEYS: &[Key] = &[
     ),
     key(
         "run.tick_s",
-        Shape::Default(Range::within(1e-5, 0.1), 0.001),
-        "Period of the recorded ticks, a whole number of nanoseconds.",
+        Shape::Default(Range::within(1e-5, 0.002), 0.001),
+        "Period of the recorded ticks, a whole number of nanoseconds. Load limits and contacts are judged once a tick.",
     ),
     key(
         "run.steps_per_tick",

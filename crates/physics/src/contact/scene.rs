@@ -555,7 +555,7 @@ impl Scene {
         let signed = |p: DVec3, q: DVec3| {
             let gap = q - p;
             let dist = gap.length();
-            if gap.dot(before) < 0.0 { -dist } else { dist }
+            if crossed(gap, dist, before) { -dist } else { dist }
         };
         const N: usize = 2 * RING_INTERVALS + 1;
         let mut d = [f64::NEG_INFINITY; N];
@@ -627,7 +627,7 @@ impl Scene {
         let depth_of = |near: &super::shape::Nearest| {
             let gap = near.pb - near.pa;
             let dist = gap.length();
-            sum - if gap.dot(before) < 0.0 { -dist } else { dist }
+            sum - if crossed(gap, dist, before) { -dist } else { dist }
         };
         let mut table = [[0.0; COARSE]; COARSE];
         let mut deepest = f64::NEG_INFINITY;
@@ -725,6 +725,12 @@ impl Scene {
         let found = single(&samples, self.law.merge_depth_m, &self.law.normal);
         out.add(pair, found, state, x_wr, false);
     }
+}
+
+/// Whether the cores have gone through each other. Only then does the gap lie opposite the last
+/// normal; far parts of a curved petal may lie a little behind it.
+fn crossed(gap: DVec3, dist: f64, before: DVec3) -> bool {
+    gap.dot(before) < -0.7 * dist
 }
 
 /// One parabolic step uphill between `lo` and `hi`.
