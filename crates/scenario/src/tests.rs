@@ -370,7 +370,7 @@ const BAD: &[(&str, &str, &str)] = &[
     ("gap_m = 0.1", "gap_m = -0.1", "> 0 and ≤ 10"),
     ("duration_s = 20.0\ntick_s", "tick_s", "run.duration_s: is missing"),
     ("tick_s = 0.002", "tick_s = 0.0000123456789", "whole number of nanoseconds"),
-    ("tick_s = 0.002", "tick_s = 1.0", "≥ 0.00001 and ≤ 0.1"),
+    ("tick_s = 0.002", "tick_s = 1.0", "≥ 0.00001 and ≤ 0.002"),
     ("duration_s = 20.0\ntick_s", "duration_s = 0.001\ntick_s", "longer than the run"),
     ("steps_per_tick = 7", "steps_per_tick = 0", "whole number from 1 to 10000"),
     ("steps_per_tick = 7", "steps_per_tick = 2.5", "whole number from 1 to 10000"),
