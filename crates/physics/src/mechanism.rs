@@ -421,8 +421,7 @@ impl System {
         let q = m.poses.x_wr.q;
         for i in 0..3 {
             let arm = q * m.latches[i].striker_r;
-            // Velocity of the striker against the ring's material at the same point.
-            let rate = t.v + t.w.cross(arm) - r.v - r.w.cross(arm);
+            let rate = striker_rate(m, m.latches[i].striker_r, r, t);
             let stretch = m.latches[i].striker_r - j.anchor[i];
             let f = q * (j.preload[i] - stretch * k) - rate * l.joined_damping_n_s_m;
             out.on_target.push(arm, f);
@@ -545,8 +544,22 @@ impl System {
         }
         if state.latches.iter().all(|l| l.phase == LatchPhase::Latched) {
             let before = self.interface_energy(m, state);
-            state.joint = Some(join(m, l, f.on_target, at(RING), at(TARGET), time_s));
-            state.losses.capture += before - self.interface_energy(m, state);
+            let (r, t) = (at(RING), at(TARGET));
+            let joint = join(m, l, f.on_target, r, t, time_s);
+            // The kick of this step still carries the old forces into its second half, over which
+            // the stored energy is already the joint's.
+            let w = f.on_target;
+            let old_w = w.f.dot(t.v - r.v) + w.m.dot(t.w - r.w) + f.contact_w + f.friction_w;
+            let back = m.poses.x_wr.q.conjugate();
+            let new_w: f64 = joint
+                .anchor
+                .iter()
+                .zip(&joint.preload)
+                .map(|(s, p)| p.dot(back * striker_rate(m, *s, r, t)))
+                .sum();
+            state.joint = Some(joint);
+            state.losses.capture +=
+                before - self.interface_energy(m, state) + (new_w - old_w) * 0.5 * h;
             state.contact = ContactState::default();
         }
     }
@@ -580,6 +593,13 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
     }
 }
 
+/// Velocity of the target's material at a striker (m, `r3`) against the ring's, world axes, m/s; `r`
+/// and `t` are their motions at the ring centre.
+fn striker_rate(m: &Measured, striker_r: DVec3, r: Twist, t: Twist) -> DVec3 {
+    let arm = m.poses.x_wr.q * striker_r;
+    t.v + t.w.cross(arm) - r.v - r.w.cross(arm)
+}
+
 /// Three point springs that start at the wrench of the instant: the smallest forces at the strikers
 /// that add up to it.
 fn join(m: &Measured, l: &LatchSet, on_target: Wrench, r: Twist, t: Twist, time_s: f64) -> Joint {
@@ -597,11 +617,7 @@ fn join(m: &Measured, l: &LatchSet, on_target: Wrench, r: Twist, t: Twist, time_
     }
     let lambda = a.inverse() * about_centre.m;
     // The dampers of the joint act from the start: their share is taken off beforehand.
-    let damper = |s: DVec3| {
-        let arm = m.poses.x_wr.q * s;
-        let rate = t.v + t.w.cross(arm) - r.v - r.w.cross(arm);
-        back * rate * l.joined_damping_n_s_m
-    };
+    let damper = |s: DVec3| back * striker_rate(m, s, r, t) * l.joined_damping_n_s_m;
     let preload = core::array::from_fn(|i| w.f / 3.0 + lambda.cross(arms[i]) + damper(anchor[i]));
     Joint { since_s: time_s, anchor, preload }
 }
