@@ -37,9 +37,22 @@ impl fmt::Debug for Digest {
     }
 }
 
+/// A chunk of BLAKE3: whole ones are hashed several blocks at a time, single numbers are not.
+const CHUNK: usize = 1024;
+
 /// Hashes the bits of a state in a stated order. Allocates nothing.
-#[derive(Clone, Default)]
-pub struct StateHasher(blake3::Hasher);
+#[derive(Clone)]
+pub struct StateHasher {
+    hasher: blake3::Hasher,
+    pending: [u8; CHUNK],
+    len: usize,
+}
+
+impl Default for StateHasher {
+    fn default() -> Self {
+        Self { hasher: blake3::Hasher::new(), pending: [0; CHUNK], len: 0 }
+    }
+}
 
 impl StateHasher {
     /// Empty.
@@ -58,7 +71,16 @@ impl StateHasher {
 
     /// Raw bytes.
     pub fn bytes(&mut self, b: &[u8]) {
-        self.0.update(b);
+        if self.len + b.len() > CHUNK {
+            self.hasher.update(&self.pending[..self.len]);
+            self.len = 0;
+        }
+        if b.len() > CHUNK {
+            self.hasher.update(b);
+            return;
+        }
+        self.pending[self.len..self.len + b.len()].copy_from_slice(b);
+        self.len += b.len();
     }
 
     /// The bits of a number: −0.0 and 0.0 differ, as they may behave differently later.
@@ -84,8 +106,10 @@ impl StateHasher {
     /// The digest so far.
     #[must_use]
     pub fn finish(&self) -> Digest {
+        let mut hasher = self.hasher.clone();
+        hasher.update(&self.pending[..self.len]);
         let mut out = [0; 16];
-        out.copy_from_slice(&self.0.finalize().as_bytes()[..16]);
+        out.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
         Digest(out)
     }
 }
@@ -93,6 +117,17 @@ impl StateHasher {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn oracle_pieces_of_any_length_give_the_digest_of_the_whole() {
+        let data: Vec<u8> =
+            (0..10_000u32).map(|i| (i.wrapping_mul(0x9e37_79b9) >> 24) as u8).collect();
+        for size in [1, 7, 8, 1023, 1024, 1025, 3000, 10_000] {
+            let mut h = StateHasher::new();
+            data.chunks(size).for_each(|c| h.bytes(c));
+            assert_eq!(h.finish().0, blake3::hash(&data).as_bytes()[..16], "pieces of {size}");
+        }
+    }
 
     #[test]
     fn invariant_the_last_bit_counts() {
