@@ -56,11 +56,6 @@ impl Segment {
     pub(crate) fn at(&self, s: f64) -> DVec3 {
         self.a + self.d * s
     }
-
-    /// Parameter of the nearest point.
-    pub(crate) fn project(&self, p: DVec3) -> f64 {
-        ((p - self.a).dot(self.d) / self.d.length_squared()).clamp(0.0, 1.0)
-    }
 }
 
 /// Nearest points of two cores.

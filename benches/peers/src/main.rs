@@ -1,0 +1,171 @@
+//! docktwin's half of the comparison of speed with other engines: runs a scenario with one twin and
+//! one step, nothing recorded, and prints as one line of JSON what it cost and what came out.
+//!
+//! Cost is processor time of the one thread that steps, from the operating system, so that a busy
+//! machine disturbs less than with a clock on the wall. Phases: `free` until first contact, `contact`
+//! until the first latch (or the end), `whole`.
+
+use std::{path::PathBuf, process::ExitCode, time::Instant};
+
+use clap::{Parser, ValueEnum};
+use docktwin::setup::{inputs, start};
+use docktwin_physics::{
+    mechanism::System,
+    reduced::{DockingState, DockingTwin, ReducedTwin},
+};
+use docktwin_scenario::{Scenario, load_scenario};
+use docktwin_twin::FullTwin;
+use serde_json::{Value, json};
+
+/// Runs a scenario without recording and tells cost and result
+#[derive(Debug, Parser)]
+struct Args {
+    /// Scenario file
+    scenario: PathBuf,
+    /// Which twin
+    #[arg(long, value_enum, default_value_t = Kind::Reduced)]
+    twin: Kind,
+    /// Physics step, ms; whole steps must fit into a tick
+    #[arg(long, default_value_t = 0.2)]
+    step_ms: f64,
+    /// Simulated time to run, s; the scenario's by default
+    #[arg(long)]
+    until_s: Option<f64>,
+    /// Time between two poses in the result, s
+    #[arg(long, default_value_t = 0.01)]
+    sample_s: f64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    Full,
+    Reduced,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let scenario = match load_scenario(&args.scenario, &[]) {
+        Ok(s) => s,
+        Err(e) => return refuse(&e.to_string()),
+    };
+    #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
+    let tick_s = scenario.run.tick_nanos as f64 / 1e9;
+    let per_tick = (tick_s * 1e3 / args.step_ms).round().max(1.0);
+    if (per_tick * args.step_ms / (tick_s * 1e3) - 1.0).abs() > 1e-9 {
+        return refuse(&format!(
+            "a step of {} ms does not divide the tick of {} ms; give a whole part of it",
+            args.step_ms,
+            tick_s * 1e3
+        ));
+    }
+    let (system, bodies) = match start(&scenario) {
+        Ok(s) => s,
+        Err(e) => return refuse(&e.to_string()),
+    };
+    let h = tick_s / per_tick;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small, ≥ 1")]
+    let per_tick = per_tick as u32;
+    let out = match args.twin {
+        Kind::Full => run(FullTwin::new(system, bodies, h), &scenario, &args, tick_s, per_tick),
+        Kind::Reduced => {
+            run(ReducedTwin::new(system, bodies, h), &scenario, &args, tick_s, per_tick)
+        }
+    };
+    println!("{out}");
+    ExitCode::SUCCESS
+}
+
+fn refuse(why: &str) -> ExitCode {
+    eprintln!("{why}");
+    ExitCode::from(2)
+}
+
+/// Processor time of this thread, s; time on the wall where the system does not tell.
+struct Cost(Instant);
+
+impl Cost {
+    fn now(&self) -> f64 {
+        std::fs::read_to_string("/proc/thread-self/schedstat")
+            .ok()
+            .and_then(|s| s.split(' ').next()?.parse::<f64>().ok())
+            .map_or_else(|| self.0.elapsed().as_secs_f64(), |ns| ns / 1e9)
+    }
+}
+
+fn run<T: DockingTwin>(
+    mut twin: T,
+    scenario: &Scenario,
+    args: &Args,
+    tick_s: f64,
+    per_tick: u32,
+) -> Value {
+    let until = args.until_s.unwrap_or(scenario.run.ticks() as f64 * tick_s);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of a run")]
+    let (ticks, every) =
+        ((until / tick_s).round() as u64, (args.sample_s / tick_s).round().max(1.0) as u64);
+    let cost = Cost(Instant::now());
+    let (mut first, mut latch) = (None, None);
+    let mut spent = 0.0;
+    let mut poses = Vec::new();
+    let mut begin = cost.now();
+    for tick in 0..ticks {
+        if tick % every == 0 {
+            // Looking at the result is not part of the cost.
+            spent += cost.now() - begin;
+            let state = twin.state();
+            poses.push(relative(twin.system(), &state));
+            if first.is_none() && state.first_contact_s.is_some() {
+                first = Some((tick, spent));
+            }
+            if latch.is_none() && state.mechanism.latches.iter().any(|l| l.times_s[2].is_some()) {
+                latch = Some((tick, spent));
+            }
+            begin = cost.now();
+        }
+        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
+        let time_s = tick as f64 * tick_s;
+        let control = if scenario.thrusts.is_empty() {
+            docktwin_physics::reduced::Inputs::default()
+        } else {
+            inputs(&scenario.thrusts, &twin.state(), time_s)
+        };
+        for _ in 0..per_tick {
+            twin.step(&control);
+        }
+    }
+    spent += cost.now() - begin;
+    let state = twin.state();
+    let end = (ticks, spent);
+    let phase = |from: (u64, f64), to: (u64, f64)| {
+        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
+        let sim_s = (to.0 - from.0) as f64 * tick_s;
+        json!({ "sim_s": sim_s, "cpu_s": to.1 - from.1 })
+    };
+    let first = first.unwrap_or(end);
+    let latch = latch.unwrap_or(end);
+    json!({
+        "engine": "docktwin",
+        "twin": match args.twin { Kind::Full => "full", Kind::Reduced => "reduced" },
+        "step_s": tick_s / f64::from(per_tick),
+        "phases": {
+            "free": phase((0, 0.0), first),
+            "contact": phase(first, latch),
+            "whole": phase((0, 0.0), end),
+        },
+        "first_contact_s": state.first_contact_s,
+        "latches_s": state.mechanism.latches.map(|l| l.times_s[2]),
+        "capture_s": state.mechanism.captured_s(),
+        "peak_force_n": state.peak_force_n,
+        "impulse_ns": state.impulse_ns,
+        "sample_s": args.sample_s,
+        "poses": poses,
+    })
+}
+
+/// Pose of `e4` in `e3`: x, y, z (m), then the quaternion x, y, z, w.
+fn relative(system: &System, state: &DockingState) -> [f64; 7] {
+    let p = system.poses(&state.poses());
+    let x = p.x_w3.inverse() * p.x_w4;
+    let [i, j, k, w] = x.q.to_array();
+    [x.p.x, x.p.y, x.p.z, i, j, k, w]
+}
