@@ -106,7 +106,9 @@ fn lines<T: core::fmt::Display>(items: &[T]) -> String {
 impl RecordError {
     pub(crate) fn io(action: &'static str, path: &Path, e: &io::Error) -> Self {
         let remedy = match e.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+            io::ErrorKind::StorageFull
+            | io::ErrorKind::QuotaExceeded
+            | io::ErrorKind::FileTooLarge => {
                 "free some space or choose another disk with --out"
             }
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {

@@ -28,6 +28,7 @@ mod event;
 mod layout;
 mod log;
 mod reader;
+mod recover;
 mod summary;
 mod table;
 mod writer;
@@ -39,6 +40,7 @@ pub use event::Event;
 #[doc(hidden)]
 pub use reader::flip_bit;
 pub use reader::{Cut, RunReader, TickRecord, Ticks, rebuild_parquet};
+pub use recover::{Recovered, recover};
 pub use summary::{
     Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
     SafetySummary, StepUs, Summary, Verdict,
