@@ -19,12 +19,18 @@ pub struct Difference {
     pub a: String,
     /// What the second has.
     pub b: String,
+    /// Further columns that differ in the same tick.
+    pub others: usize,
 }
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { tick, time, column, a, b } = self;
-        write!(f, "tick {} ({:.6} s), {column}: {a} against {b}", tick.0, time.seconds())
+        let Self { tick, time, column, a, b, others } = self;
+        write!(f, "tick {} ({:.6} s), {column}: {a} against {b}", tick.0, time.seconds())?;
+        if *others > 0 {
+            write!(f, ", and {others} more columns")?;
+        }
+        Ok(())
     }
 }
 
@@ -53,14 +59,16 @@ pub fn first_difference(
         };
         if let Some((column, left, right)) = tick_difference(a.columns(), &x, &y) {
             let (tick, time) = (x.tick, x.time);
-            return Ok(Some(Difference { tick, time, column, a: left, b: right }));
+            let cells = core::iter::zip(&x.row, &y.row).filter(|(p, q)| p != q).count();
+            let others = cells.saturating_sub(1);
+            return Ok(Some(Difference { tick, time, column, a: left, b: right, others }));
         }
     }
 }
 
 fn end(at: &TickRecord, a: &str, b: &str) -> Difference {
     let (tick, time) = (at.tick, at.time);
-    Difference { tick, time, column: "end".into(), a: a.into(), b: b.into() }
+    Difference { tick, time, column: "end".into(), a: a.into(), b: b.into(), others: 0 }
 }
 
 fn tick_difference(

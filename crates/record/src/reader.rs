@@ -8,7 +8,9 @@ use docktwin_core::{SimTime, Tick};
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use crate::column::{self, CONTACTS_TOPIC, Cell, Column, ColumnKind, ContactRow, EVENTS_TOPIC, TICK_TOPIC};
+use crate::column::{
+    self, CONTACTS_TOPIC, Cell, Column, ColumnKind, ContactRow, EVENTS_TOPIC, TICK_TOPIC,
+};
 use crate::layout::{self, Topic};
 use crate::log::{METADATA, METADATA_COLUMNS, METADATA_PAIRS, McapLog, RECOVERED_KEY, SCHEMA_KEY};
 use crate::table::{Block, GROUP_ROWS, Table};
@@ -152,6 +154,12 @@ impl RunReader {
         Ok(r)
     }
 
+    /// The log, `run.mcap` of the run directory.
+    #[must_use]
+    pub fn log_path(&self) -> &Path {
+        &self.path
+    }
+
     /// The columns, in the order in which they were declared.
     #[must_use]
     pub fn columns(&self) -> &[Column] {
@@ -195,6 +203,12 @@ impl RunReader {
             }
         }
         Ok(self.ready.pop_front())
+    }
+
+    /// The last tick of what was read so far, and its time.
+    #[must_use]
+    pub const fn last_tick(&self) -> Option<(Tick, SimTime)> {
+        self.last
     }
 
     /// The remaining ticks.
