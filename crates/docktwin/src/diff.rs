@@ -9,7 +9,7 @@ use std::{
 use clap::{Args, ValueEnum};
 use docktwin_record::{
     Align, ColumnComparison, CompareOptions, Comparison, Difference, RunReader, Summary, Tolerance,
-    compare, first_difference, unit_of,
+    compare, first_difference, first_difference_except, unit_of,
 };
 use serde_json::{Value, json};
 
@@ -18,7 +18,7 @@ use crate::failure::{Failure, OTHERWISE};
 pub(crate) const EXAMPLES: &str = "\
 Without tolerances every bit is compared, and the first tick, body and component that differ are
 named. With --tolerance or --tol each column of numbers is judged: the difference may be as large as
-the larger of both. Angles are compared on the circle, attitudes up to the sign of the quaternion.
+the larger of both; give --tol for what is zero but for rounding, such as the total momentum. Angles are compared on the circle, attitudes up to the sign of the quaternion.
 Outcome and order of the latches must agree; counts and states are told, not judged. Recordings with
 other tick lengths are interpolated to the ticks of A. A cut recording is compared up to the cut.
 
@@ -144,22 +144,30 @@ fn exact(
             && (d.a == "has ended" && a.cut().is_some() || d.b == "has ended" && b.cut().is_some())
     };
     let found = found.filter(|d| !ended_by_cut(d));
+    // A digest sees what no column shows; where it alone differs, the first column is told too.
+    let is_digest = |name: &str| name.contains("digest");
+    let visible = match &found {
+        Some(d) if is_digest(&d.column) => first_difference_except(a, b, |c| is_digest(&c.name))?,
+        _ => None,
+    };
     let (cuts, apart) = (cuts(args, a, b), told_apart(a, b));
     let ticks = [&*a, b].map(|r| r.last_tick().map_or(0, |(t, _)| t.0 + 1));
     let compared = ticks[0].min(ticks[1]);
     if json {
-        let first = found.as_ref().map(|d| {
+        let told = |d: &Difference| {
             let (body, component, unit) = words(a, &d.column);
             json!({
                 "tick": d.tick.0, "time_s": d.time.seconds(), "column": d.column, "body": body,
                 "component": component, "unit": unit, "a": d.a, "b": d.b,
                 "other_columns_in_this_tick": d.others,
             })
-        });
+        };
+        let (first, visible) = (found.as_ref().map(told), visible.as_ref().map(told));
         println!(
             "{}",
             json!({
                 "mode": "exact", "same": found.is_none(), "first_difference": first,
+                "first_visible": visible,
                 "metadata": apart, "cut": cuts,
             })
         );
@@ -175,17 +183,30 @@ fn exact(
             println!("the same up to the cut: every bit up to tick {}", compared.saturating_sub(1))
         }
         Some(d) => {
-            let (body, component, unit) = words(a, &d.column);
-            let at = format!("tick {} ({:.3} s)", d.tick.0, d.time.seconds());
-            let what = [body, component].into_iter().filter(|w| !w.is_empty()).collect::<Vec<_>>();
-            let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
-            println!("{at}: {}{unit}: {} against {}", what.join(", "), d.a, d.b);
-            if d.others > 0 {
-                println!("  and {} more columns in this tick", d.others);
+            println!("{}", sentence(a, d));
+            match &visible {
+                Some(v) => println!("first in a column: {}", sentence(a, v)),
+                None if is_digest(&d.column) => {
+                    println!("no column differs: a state that is not recorded does");
+                }
+                None => {}
             }
         }
     }
     Ok(found.is_none())
+}
+
+/// `tick 1234 (1.234 s): chaser, position x [m]: … against …`
+fn sentence(r: &RunReader, d: &Difference) -> String {
+    let (body, component, unit) = words(r, &d.column);
+    let what: Vec<String> = [body, component].into_iter().filter(|w| !w.is_empty()).collect();
+    let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+    let more = match d.others {
+        0 => String::new(),
+        n => format!(" (and {n} more columns in this tick)"),
+    };
+    let at = format!("tick {} ({:.3} s)", d.tick.0, d.time.seconds());
+    format!("{at}: {}{unit}: {} against {}{more}", what.join(", "), d.a, d.b)
 }
 
 fn tolerant(

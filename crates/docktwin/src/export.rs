@@ -42,7 +42,7 @@ pub(crate) struct ExportArgs {
     /// Only every N-th tick; contacts are never left out
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
-    /// Contacts too: a second file NAME_contacts.csv, or variables contact_... of the MAT file
+    /// Contacts too: a second file NAME_contacts.csv, or variables contacts_... of the MAT file
     #[arg(long)]
     contacts: bool,
 }

@@ -345,8 +345,8 @@ impl<W: Write + Seek> MatFile<W> {
 
 /// Writes a MATLAB level 5 file, a variable a column, `tick` and `time_s` first, and the texts
 /// `scenario`, `tool_version` and, where the recording is cut, `recording_cut`. With `contacts` the
-/// variables `contact_…` too, a row a point, and the cells `pair_names`;
-/// `pair_names{contact_pair_number(k)}` is the pair of point k. `out` must be empty; `path` is named
+/// variables `contacts_…` too, a row a point, and the cells `pair_names`;
+/// `pair_names{contacts_pair_number(k)}` is the pair of point k. `out` must be empty; `path` is named
 /// in errors.
 ///
 /// # Errors
@@ -395,15 +395,15 @@ pub fn export_mat(
     if contacts {
         mat.whole(&cell_array("pair_names", r.pair_names())).map_err(&error)?;
         let own = [
-            ("contact_tick", Class::Uint64),
-            ("contact_time_s", Class::Double),
-            ("contact_pair_number", Class::Uint16),
+            ("contacts_tick", Class::Uint64),
+            ("contacts_time_s", Class::Double),
+            ("contacts_pair_number", Class::Uint16),
         ];
         for (name, class) in own {
             mat.vector(name, class, done.contacts).map_err(&error)?;
         }
         for name in CONTACT_NUMBERS {
-            let name = format!("contact_{name}");
+            let name = format!("contacts_{name}");
             mat.vector(&name, Class::Double, done.contacts).map_err(&error)?;
         }
     }

@@ -40,7 +40,7 @@ pub use compare::{
     Align, ColumnComparison, CompareOptions, Comparison, StateComparison, Tolerance, compare,
     unit_of,
 };
-pub use diff::{Difference, first_difference};
+pub use diff::{Difference, first_difference, first_difference_except};
 pub use error::RecordError;
 pub use event::Event;
 pub use export::{Exported, Selection, export_csv, export_mat};
