@@ -45,6 +45,15 @@ pub(crate) enum Command {
     /// Check a scenario, or explain its keys
     #[command(subcommand)]
     Scenario(ScenarioCommand),
+    /// Compare two recordings: bit by bit, or within tolerances
+    #[command(after_help = crate::diff::EXAMPLES)]
+    Diff(crate::diff::DiffArgs),
+    /// Write a recording as CSV or as a MATLAB file
+    #[command(after_help = crate::export::EXAMPLES)]
+    Export(crate::export::ExportArgs),
+    /// Make the files of a run whole after its process or its disk died
+    #[command(after_help = crate::recover::EXAMPLES)]
+    Recover(crate::recover::RecoverArgs),
     /// Run a recording again, tick by tick, and say where it first differs
     #[command(after_help = REPLAY)]
     Replay(ReplayArgs),

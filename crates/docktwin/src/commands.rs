@@ -16,6 +16,9 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
     match &cli.command {
         Command::Rehearse(args) => rehearse::run(args, json),
         Command::Replay(args) => replay::run(args, json),
+        Command::Diff(args) => crate::diff::run(args, json),
+        Command::Export(args) => crate::export::run(args, json),
+        Command::Recover(args) => crate::recover::run(args, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);
             let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };

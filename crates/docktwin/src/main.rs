@@ -2,7 +2,11 @@
 
 mod cli;
 mod commands;
+mod diff;
+mod export;
 mod failure;
+mod models;
+mod recover;
 mod rehearse;
 mod replay;
 

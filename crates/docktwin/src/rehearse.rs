@@ -38,6 +38,7 @@ use crate::{
     cli::{RehearseArgs, TwinKind},
     commands::overrides,
     failure::{Failure, OTHERWISE},
+    models::ModelCopies,
 };
 
 /// A contact that is interrupted for less than this is one contact in the events, s.
@@ -111,6 +112,7 @@ impl Setup<'_> {
             ("twin", self.kind.name().to_owned()),
             ("steps_per_tick", self.steps.to_string()),
             ("tick_nanos", self.scenario.run.tick_nanos.to_string()),
+            ("started_unix_ns", jiff::Timestamp::now().as_nanosecond().to_string()),
         ]
         .into_iter()
         .map(|(k, v)| (k.to_owned(), v))
@@ -131,6 +133,7 @@ impl Setup<'_> {
         let (system, bodies) = start(scenario)?;
         let pair_names: Vec<String> =
             (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
+        let models = ModelCopies::read(scenario)?;
         let mut writer = RunWriter::create(
             self.out,
             columns(),
@@ -138,7 +141,8 @@ impl Setup<'_> {
             &self.metadata(),
             Policy::Wait,
         )?;
-        writer.scenario_toml(&self.scenario_as_run())?;
+        models.write(&writer)?;
+        writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
         let scene = SceneModel {
             scenario: &scenario.name,
             chaser: &scenario.chaser,
@@ -153,6 +157,8 @@ impl Setup<'_> {
         let h = self.step_s();
         let mut twin = new(system, bodies, h);
         let mut run = Run::new();
+        // Once the recording is lost, the rehearsal goes on: its result is worth having.
+        let mut lost: Option<Failure> = None;
         let ticks = scenario.run.ticks();
         let bar = progress(ticks, json);
         let mut tick = 0;
@@ -174,7 +180,9 @@ impl Setup<'_> {
             };
             run.observe(twin.system(), &now, &control, Tick(tick), time)?;
             for e in run.events.drain(..) {
-                writer.event(&e)?;
+                if lost.is_none() {
+                    lost = writer.event(&e).err().map(Failure::from);
+                }
                 if let Some(v) = &mut view {
                     v.event(time, &e.kind, &e.text)?;
                 }
@@ -184,7 +192,10 @@ impl Setup<'_> {
             run.chain(digest);
             row(&now, twin.system(), &control, digest.short(), &mut run.row);
             run.contact_rows(&now);
-            writer.tick(Tick(tick), time, &run.row, &run.contacts)?;
+            if lost.is_none() {
+                lost =
+                    writer.tick(Tick(tick), time, &run.row, &run.contacts).err().map(Failure::from);
+            }
             if let Some(v) = &mut view
                 && (tick.is_multiple_of(FRAME_TICKS) || run.frame_due || last)
             {
@@ -215,46 +226,35 @@ impl Setup<'_> {
             format!("{}: {}", judgement.outcome.name(), judgement.reason),
             json!({ "outcome": judgement.outcome.name(), "decided_s": judgement.time_s }),
         );
-        writer.event(&outcome_event)?;
-        if let Some(mut v) = view {
-            v.event(time, &outcome_event.kind, &outcome_event.text)?;
-            v.finish()?;
+        if lost.is_none() {
+            lost = writer.event(&outcome_event).err().map(Failure::from);
         }
         let mut summary = run.summary(self, &state, &judgement, tick, time);
+        if let Some(mut v) = view {
+            v.event(time, &outcome_event.kind, &outcome_event.text)?;
+            if let Err(e) = v.finish() {
+                // After a lost log this is the same disk once more.
+                if lost.is_none() {
+                    summary.degrade(&e.to_string());
+                    lost = Some(e.into());
+                }
+            }
+        }
         let wall_s = wall.elapsed().as_secs_f64();
         summary.wall_s = wall_s;
         summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
-        let recording = writer.finish(&summary)?;
-        summary.recording = Some(recording);
-        Ok(summary)
-    }
-
-    /// The scenario as it ran. Model paths are written so that they are found from the run
-    /// directory too.
-    fn scenario_as_run(&self) -> String {
-        let text = self.scenario.as_run_toml();
-        let Ok(mut doc) = text.parse::<toml_edit::DocumentMut>() else { return text };
-        let here = std::path::absolute(self.out.join("scenario.toml")).unwrap_or_default();
-        for (table, key) in [
-            ("chaser", "model"),
-            ("target", "model"),
-            ("mechanism", "active"),
-            ("mechanism", "passive"),
-        ] {
-            let Some(named) = doc.get(table).and_then(|t| t.get(key)).and_then(|v| v.as_str())
-            else {
-                continue;
-            };
-            let named = PathBuf::from(named);
-            if docktwin_scenario::resolve_path(&here, &named).is_some() {
-                continue;
-            }
-            let read = self.scenario.files.iter().find(|f| f.path.ends_with(&named));
-            if let Some(path) = read.and_then(|f| std::path::absolute(&f.path).ok()) {
-                doc[table][key] = toml_edit::value(path.display().to_string());
+        match writer.finish(&summary) {
+            Ok(recording) => summary.recording = Some(recording),
+            Err(e) => {
+                summary.degrade(&e.to_string());
+                // The first failure is told; the others follow from it.
+                lost.get_or_insert(e.into());
             }
         }
-        doc.to_string()
+        if let (Some(e), false) = (lost, json) {
+            eprintln!("the recording is not complete: {e}");
+        }
+        Ok(summary)
     }
 }
 

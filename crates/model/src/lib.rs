@@ -27,6 +27,7 @@ pub use mechanism::{
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use spacecraft::{Spacecraft, SpacecraftHull};
+pub use urdf::named_meshes;
 
 #[cfg(test)]
 mod tests;

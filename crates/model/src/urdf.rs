@@ -479,6 +479,21 @@ fn check_meshes(
     }
 }
 
+/// Files of the meshes that a URDF names, as it names them: from its own folder. Empty for a text
+/// that is no XML.
+#[must_use]
+pub fn named_meshes(urdf: &str) -> Vec<String> {
+    let Ok(document) = roxmltree::Document::parse(urdf) else { return Vec::new() };
+    let mut out: Vec<String> = document
+        .descendants()
+        .filter(|n| n.has_tag_name("mesh"))
+        .filter_map(|n| n.attribute("filename").map(str::to_owned))
+        .collect();
+    out.sort();
+    out.dedup();
+    out
+}
+
 /// URDF origin: translation, then rotation about the fixed axes X, Y, Z in this order.
 pub(crate) fn pose_of(origin: &urdf_rs::Pose) -> Pose {
     let [roll, pitch, yaw] = origin.rpy.0;

@@ -176,7 +176,15 @@ impl<W: Write> Container<W> {
     }
 
     /// Adds a message to the open chunk; `channel` is an id from [`Container::channel`].
-    pub(crate) fn message(&mut self, channel: u16, sequence: u32, nanos: u64, data: &[u8]) {
+    /// `nanos` is simulated time, `published` the wall clock's.
+    pub(crate) fn message(
+        &mut self,
+        channel: u16,
+        sequence: u32,
+        nanos: u64,
+        published: u64,
+        data: &[u8],
+    ) {
         let i = usize::from(channel) - 1;
         self.index[i].push((nanos, self.chunk.len() as u64));
         self.summary.messages[i] += 1;
@@ -185,7 +193,7 @@ impl<W: Write> Container<W> {
             b.u16(channel);
             b.u32(sequence);
             b.u64(nanos);
-            b.u64(nanos);
+            b.u64(published);
             b.extend_from_slice(data);
         });
     }
@@ -344,9 +352,9 @@ mod tests {
         let b = c.channel("/b", "docktwin_msgs/msg/B", "bool y\n");
         c.write_out().unwrap();
         for i in 0..10u32 {
-            c.message(a, i, u64::from(i) * 100, &[i as u8; 12]);
+            c.message(a, i, u64::from(i) * 100, 7, &[i as u8; 12]);
             if i % 3 == 0 {
-                c.message(b, i, u64::from(i) * 100 + 1, b"b");
+                c.message(b, i, u64::from(i) * 100 + 1, 7, b"b");
             }
             if i % 4 == 3 {
                 c.flush().unwrap();

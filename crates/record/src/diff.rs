@@ -19,12 +19,18 @@ pub struct Difference {
     pub a: String,
     /// What the second has.
     pub b: String,
+    /// Further columns that differ in the same tick.
+    pub others: usize,
 }
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { tick, time, column, a, b } = self;
-        write!(f, "tick {} ({:.6} s), {column}: {a} against {b}", tick.0, time.seconds())
+        let Self { tick, time, column, a, b, others } = self;
+        write!(f, "tick {} ({:.6} s), {column}: {a} against {b}", tick.0, time.seconds())?;
+        if *others > 0 {
+            write!(f, ", and {others} more columns")?;
+        }
+        Ok(())
     }
 }
 
@@ -36,6 +42,18 @@ impl fmt::Display for Difference {
 pub fn first_difference(
     a: &mut RunReader,
     b: &mut RunReader,
+) -> Result<Option<Difference>, RecordError> {
+    first_difference_except(a, b, |_| false)
+}
+
+/// As [`first_difference`], but columns for which `skip` is true may differ.
+///
+/// # Errors
+/// As [`first_difference`].
+pub fn first_difference_except(
+    a: &mut RunReader,
+    b: &mut RunReader,
+    skip: impl Fn(&Column) -> bool,
 ) -> Result<Option<Difference>, RecordError> {
     let problems = column_differences(a.columns(), b.columns());
     if !problems.is_empty() {
@@ -51,20 +69,23 @@ pub fn first_difference(
             (Some(x), None) => return Ok(Some(end(&x, "goes on", "has ended"))),
             (None, Some(y)) => return Ok(Some(end(&y, "has ended", "goes on"))),
         };
-        if let Some((column, left, right)) = tick_difference(a.columns(), &x, &y) {
+        if let Some((column, left, right)) = tick_difference(a.columns(), &skip, &x, &y) {
             let (tick, time) = (x.tick, x.time);
-            return Ok(Some(Difference { tick, time, column, a: left, b: right }));
+            let cells = core::iter::zip(&x.row, &y.row).filter(|(p, q)| p != q).count();
+            let others = cells.saturating_sub(1);
+            return Ok(Some(Difference { tick, time, column, a: left, b: right, others }));
         }
     }
 }
 
 fn end(at: &TickRecord, a: &str, b: &str) -> Difference {
     let (tick, time) = (at.tick, at.time);
-    Difference { tick, time, column: "end".into(), a: a.into(), b: b.into() }
+    Difference { tick, time, column: "end".into(), a: a.into(), b: b.into(), others: 0 }
 }
 
 fn tick_difference(
     columns: &[Column],
+    skip: impl Fn(&Column) -> bool,
     x: &TickRecord,
     y: &TickRecord,
 ) -> Option<(String, String, String)> {
@@ -76,7 +97,7 @@ fn tick_difference(
         return Some(("time".into(), ns(x.time), ns(y.time)));
     }
     let mut cells = columns.iter().zip(x.row.iter().zip(&y.row));
-    if let Some((c, (p, q))) = cells.find(|(_, (p, q))| p != q) {
+    if let Some((c, (p, q))) = cells.find(|(c, (p, q))| p != q && !skip(c)) {
         return Some((c.name.clone(), p.describe(c.kind), q.describe(c.kind)));
     }
     if x.contacts.len() != y.contacts.len() {

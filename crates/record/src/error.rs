@@ -92,6 +92,15 @@ pub enum RecordError {
         path: PathBuf,
     },
 
+    /// A form of export that cannot hold the recording.
+    #[error("the recording cannot be exported: {why}: {}", .path.display())]
+    Export {
+        /// Why, and what to do.
+        why: String,
+        /// The file to be written.
+        path: PathBuf,
+    },
+
     /// A recording thread ended without a reason.
     #[error(
         "the recording thread ended without a reason; this is a defect of docktwin, please report it"
@@ -104,11 +113,17 @@ fn lines<T: core::fmt::Display>(items: &[T]) -> String {
 }
 
 impl RecordError {
+    /// A file beside a recording that could not be written or read; `action` is an infinitive.
+    #[must_use]
+    pub fn of_file(action: &'static str, path: &Path, e: &io::Error) -> Self {
+        Self::io(action, path, e)
+    }
+
     pub(crate) fn io(action: &'static str, path: &Path, e: &io::Error) -> Self {
         let remedy = match e.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                "free some space or choose another disk with --out"
-            }
+            io::ErrorKind::StorageFull
+            | io::ErrorKind::QuotaExceeded
+            | io::ErrorKind::FileTooLarge => "free some space or choose another disk with --out",
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                 "choose a directory you may write to with --out"
             }

@@ -193,6 +193,14 @@ impl<'a> CdrReader<'a> {
     fn f64(&mut self) -> Option<f64> {
         self.u64().map(f64::from_bits)
     }
+
+    fn string(&mut self) -> Option<&'a str> {
+        let len = usize::try_from(u32::from_le_bytes(self.take()?)).ok()?;
+        let (at, end) = (self.at, self.at.checked_add(len)?);
+        let bytes = self.data.get(at..end)?.strip_suffix(&[0])?;
+        self.at = end;
+        core::str::from_utf8(bytes).ok()
+    }
 }
 
 pub(crate) fn encode_tick(tick: u64, time_s: f64, buf: &mut Vec<u8>) {
@@ -212,6 +220,14 @@ pub(crate) fn encode_event(e: &crate::Event, buf: &mut Vec<u8>) {
     w.string(&e.kind);
     w.string(&e.text);
     w.string(&e.body.to_string());
+}
+
+pub(crate) fn decode_event(data: &[u8]) -> Option<crate::Event> {
+    let mut r = CdrReader::new(data)?;
+    let (tick, time_s) = (r.u64()?, r.f64()?);
+    let (kind, text) = (r.string()?.to_owned(), r.string()?.to_owned());
+    let body = serde_json::from_str(r.string()?).ok()?;
+    (r.at == data.len()).then_some(crate::Event { tick, time_s, kind, text, body })
 }
 
 pub(crate) fn encode_contacts(tick: u64, contacts: &[ContactRow], buf: &mut Vec<u8>) {
@@ -272,6 +288,21 @@ mod tests {
             [Column::f64("/a/b", "x"), Column::f64("/a_b", "y"), Column::f64("/a/b", "z")];
         let names: Vec<_> = topics(&columns).into_iter().map(|t| t.schema_name).collect();
         assert_eq!(names, ["docktwin_msgs/msg/AB", "docktwin_msgs/msg/ABTopic2"]);
+    }
+
+    #[test]
+    fn invariant_events_come_back_and_cut_ones_are_refused() {
+        let e = crate::Event {
+            tick: 9,
+            time_s: 0.1 + 0.2,
+            kind: "contact_begin".into(),
+            text: "petal 1 · ring".into(),
+            body: serde_json::json!({ "depth_m": 1e-9 }),
+        };
+        let mut buf = Vec::new();
+        encode_event(&e, &mut buf);
+        assert_eq!(decode_event(&buf), Some(e));
+        assert!((0..buf.len()).all(|n| decode_event(&buf[..n]).is_none()));
     }
 
     #[test]

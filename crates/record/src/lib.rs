@@ -21,24 +21,33 @@
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 
 mod column;
+mod compare;
 mod container;
 mod diff;
 mod error;
 mod event;
+mod export;
 mod layout;
 mod log;
 mod reader;
+mod recover;
 mod summary;
 mod table;
 mod writer;
 
 pub use column::{Cell, Column, ColumnKind, ColumnProblem, ContactRow};
-pub use diff::{Difference, first_difference};
+pub use compare::{
+    Align, ColumnComparison, CompareOptions, Comparison, StateComparison, Tolerance, compare,
+    unit_of,
+};
+pub use diff::{Difference, first_difference, first_difference_except};
 pub use error::RecordError;
 pub use event::Event;
+pub use export::{Exported, Selection, export_csv, export_mat};
 #[doc(hidden)]
 pub use reader::flip_bit;
 pub use reader::{Cut, RunReader, TickRecord, Ticks, rebuild_parquet};
+pub use recover::{Recovered, recover};
 pub use summary::{
     Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
     SafetySummary, StepUs, Summary, Verdict,

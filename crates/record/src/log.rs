@@ -13,6 +13,10 @@ pub(crate) const METADATA: &str = "docktwin";
 pub(crate) const METADATA_COLUMNS: &str = "docktwin.columns";
 pub(crate) const METADATA_PAIRS: &str = "docktwin.pairs";
 pub(crate) const SCHEMA_KEY: &str = "docktwin_record_schema";
+/// Why a log was written anew.
+pub(crate) const RECOVERED_KEY: &str = "recovered";
+/// Wall clock at the start of the recording, ns since 1970.
+pub(crate) const STARTED_KEY: &str = "started_unix_ns";
 
 /// Writes ticks into chunks, which hold whole ticks only.
 pub(crate) struct McapLog<W> {
@@ -25,6 +29,8 @@ pub(crate) struct McapLog<W> {
     /// Ticks in the open chunk.
     open_ticks: usize,
     contacts_shown: bool,
+    /// Wall clock of the last tick, ns since 1970.
+    wall: Option<u64>,
 }
 
 impl<W: Write> McapLog<W> {
@@ -65,29 +71,34 @@ impl<W: Write> McapLog<W> {
             buf: Vec::new(),
             open_ticks: 0,
             contacts_shown: false,
+            wall: None,
         })
     }
 
-    /// Adds a tick to the open chunk. `row` has a cell per column.
+    /// Adds a tick to the open chunk. `row` has a cell per column; `wall` is the wall clock when the
+    /// tick was handed over, ns since 1970.
     pub(crate) fn tick(
         &mut self,
         tick: Tick,
         time: SimTime,
         row: &[Cell],
         contacts: &[ContactRow],
+        wall: Option<u64>,
     ) {
         let (c, buf, nanos) = (&mut self.container, &mut self.buf, time.nanos());
+        self.wall = wall;
+        let published = wall.unwrap_or(nanos);
         layout::encode_tick(tick.0, time.seconds(), buf);
-        c.message(self.tick_channel, sequence(tick.0), nanos, buf);
+        c.message(self.tick_channel, sequence(tick.0), nanos, published, buf);
         for (channel, topic) in &self.topics {
             topic.encode(row, buf);
-            c.message(*channel, sequence(tick.0), nanos, buf);
+            c.message(*channel, sequence(tick.0), nanos, published, buf);
         }
         // An empty list is written once, so that a viewer takes the last contacts away.
         if !contacts.is_empty() || self.contacts_shown {
             self.contacts_shown = !contacts.is_empty();
             layout::encode_contacts(tick.0, contacts, buf);
-            c.message(self.contacts_channel, sequence(tick.0), nanos, buf);
+            c.message(self.contacts_channel, sequence(tick.0), nanos, published, buf);
         }
         self.open_ticks += 1;
     }
@@ -97,7 +108,9 @@ impl<W: Write> McapLog<W> {
         layout::encode_event(e, &mut self.buf);
         // Saturates: a negative or non-finite time becomes 0.
         let nanos = (e.time_s * 1e9).round() as u64;
-        self.container.message(self.events_channel, sequence(e.tick), nanos, &self.buf);
+        let published = self.wall.unwrap_or(nanos);
+        let channel = self.events_channel;
+        self.container.message(channel, sequence(e.tick), nanos, published, &self.buf);
     }
 
     pub(crate) const fn open_ticks(&self) -> usize {

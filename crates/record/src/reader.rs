@@ -8,9 +8,11 @@ use docktwin_core::{SimTime, Tick};
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use crate::column::{self, CONTACTS_TOPIC, Cell, Column, ColumnKind, ContactRow, TICK_TOPIC};
+use crate::column::{
+    self, CONTACTS_TOPIC, Cell, Column, ColumnKind, ContactRow, EVENTS_TOPIC, TICK_TOPIC,
+};
 use crate::layout::{self, Topic};
-use crate::log::{METADATA, METADATA_COLUMNS, METADATA_PAIRS, McapLog, SCHEMA_KEY};
+use crate::log::{METADATA, METADATA_COLUMNS, METADATA_PAIRS, McapLog, RECOVERED_KEY, SCHEMA_KEY};
 use crate::table::{Block, GROUP_ROWS, Table};
 use crate::{Event, RECORD_SCHEMA, RecordError, SUMMARY_SCHEMA, Summary, files};
 
@@ -30,6 +32,9 @@ pub struct TickRecord {
     pub row: Vec<Cell>,
     /// The contacts.
     pub contacts: Vec<ContactRow>,
+    /// Wall clock when the tick was handed to the recorder, ns since 1970; `None` in recordings that
+    /// were not given their start (`started_unix_ns` of the metadata).
+    pub recorded_unix_ns: Option<u64>,
 }
 
 /// A log that ends before its end mark.
@@ -63,6 +68,7 @@ impl fmt::Display for Cut {
 enum Role {
     Tick,
     Contacts,
+    Events,
     Columns(usize),
 }
 
@@ -83,6 +89,8 @@ pub struct RunReader {
     /// Header and body of the record last read.
     record: Vec<u8>,
     ready: VecDeque<TickRecord>,
+    /// Events of the chunks read so far.
+    logged: Vec<Event>,
     last: Option<(Tick, SimTime)>,
     ended: bool,
     cut: Option<Cut>,
@@ -137,12 +145,19 @@ impl RunReader {
             chunks_at: 0,
             record: Vec::new(),
             ready: VecDeque::new(),
+            logged: Vec::new(),
             last: None,
             ended: false,
             cut: None,
         };
         r.read_head()?;
         Ok(r)
+    }
+
+    /// The log, `run.mcap` of the run directory.
+    #[must_use]
+    pub fn log_path(&self) -> &Path {
+        &self.path
     }
 
     /// The columns, in the order in which they were declared.
@@ -190,6 +205,12 @@ impl RunReader {
         Ok(self.ready.pop_front())
     }
 
+    /// The last tick of what was read so far, and its time.
+    #[must_use]
+    pub const fn last_tick(&self) -> Option<(Tick, SimTime)> {
+        self.last
+    }
+
     /// The remaining ticks.
     pub fn ticks(&mut self) -> Ticks<'_> {
         Ticks(self)
@@ -202,10 +223,24 @@ impl RunReader {
     pub fn rewind(&mut self) -> Result<(), RecordError> {
         self.seek(self.chunks_at)?;
         self.ready.clear();
+        self.logged.clear();
         self.last = None;
         self.ended = false;
         self.cut = None;
         Ok(())
+    }
+
+    /// The events that stand in the log, as far as its ticks were read; those of `events.jsonl` reach
+    /// further where a run died.
+    #[must_use]
+    pub fn logged_events(&self) -> &[Event] {
+        &self.logged
+    }
+
+    /// Why this log was written anew by [`crate::recover`], in words; `None` for one that was not.
+    #[must_use]
+    pub fn recovered(&self) -> Option<&str> {
+        self.metadata.get(RECOVERED_KEY).map(String::as_str)
     }
 
     /// Once all ticks are read: where and why the log stops before its end mark, or `None` for a
@@ -409,6 +444,7 @@ impl RunReader {
             topics: &self.topics,
             roles: &mut self.roles,
             ticks: Vec::new(),
+            events: Vec::new(),
             messages: 0,
         };
         let mut rest = &self.record[..];
@@ -426,7 +462,9 @@ impl RunReader {
             }
         }
         chunk.end_tick()?;
-        Ok(chunk.ticks)
+        let ChunkTicks { ticks, events, .. } = chunk;
+        self.logged.extend(events);
+        Ok(ticks)
     }
 }
 
@@ -436,6 +474,7 @@ struct ChunkTicks<'a> {
     topics: &'a [Topic],
     roles: &'a mut BTreeMap<u16, Role>,
     ticks: Vec<TickRecord>,
+    events: Vec<Event>,
     /// Column messages of the last tick.
     messages: usize,
 }
@@ -449,6 +488,7 @@ impl ChunkTicks<'_> {
                 let role = match c.topic.as_str() {
                     TICK_TOPIC => Some(Role::Tick),
                     CONTACTS_TOPIC => Some(Role::Contacts),
+                    EVENTS_TOPIC => Some(Role::Events),
                     _ => column_topic().map(Role::Columns),
                 };
                 if let Some(role) = role {
@@ -463,6 +503,8 @@ impl ChunkTicks<'_> {
                         time: SimTime::from_nanos(header.log_time),
                         row: vec![Cell::default(); self.columns],
                         contacts: Vec::new(),
+                        recorded_unix_ns: (header.publish_time != header.log_time)
+                            .then_some(header.publish_time),
                     });
                 }
                 Some(Role::Columns(i)) => {
@@ -477,6 +519,9 @@ impl ChunkTicks<'_> {
                         return Err(damaged());
                     }
                     tick.contacts = contacts;
+                }
+                Some(Role::Events) => {
+                    self.events.push(layout::decode_event(&data).ok_or_else(damaged)?);
                 }
                 None => {}
             },
@@ -567,7 +612,7 @@ pub fn flip_bit(
             found = true;
             t.row[index] = Cell::from_bits(t.row[index].bits() ^ (1 << (bit % 64)));
         }
-        log.tick(t.tick, t.time, &t.row, &t.contacts);
+        log.tick(t.tick, t.time, &t.row, &t.contacts, t.recorded_unix_ns);
         if log.open_ticks() == 50 {
             log.flush().map_err(error)?;
         }

@@ -174,6 +174,9 @@ pub struct RecordingSummary {
     pub log_bytes: u64,
     /// Size of `telemetry.parquet`, bytes.
     pub table_bytes: u64,
+    /// Why the recording ends before the run, in one line; `ticks` then counts those that are safe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
 }
 
 /// `summary.json`, in its order.
@@ -250,6 +253,24 @@ pub struct Summary {
     /// Give `None`: [`crate::RunWriter::finish`] fills it in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingSummary>,
+}
+
+impl Summary {
+    /// Notes that the run did not have the conditions asked for, such as a recording to its end: a
+    /// pass becomes `degraded`, and the reason is told.
+    pub fn degrade(&mut self, why: &str) {
+        if self.verdict == Verdict::Pass {
+            self.verdict = Verdict::Degraded;
+        }
+        match &mut self.failure_reason {
+            Some(reason) if reason.contains(why) => {}
+            Some(reason) => {
+                reason.push_str("; ");
+                reason.push_str(why);
+            }
+            None => self.failure_reason = Some(why.to_owned()),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -8,9 +8,10 @@
 
 use core::fmt;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{
     Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel,
 };
@@ -21,7 +22,7 @@ use std::time::{Duration, Instant};
 use docktwin_core::{SimTime, Tick};
 
 use crate::column::{self, Cell, Column, ContactRow};
-use crate::log::McapLog;
+use crate::log::{McapLog, STARTED_KEY};
 use crate::summary::{RecordingSummary, Summary};
 use crate::table::{Block, GROUP_ROWS, Table};
 use crate::{Event, RecordError, files};
@@ -56,7 +57,7 @@ impl Policy {
 }
 
 /// A chunk ends after this many ticks …
-const CHUNK_TICKS: usize = 50;
+pub(crate) const CHUNK_TICKS: usize = 50;
 /// … or when its oldest content is this old.
 const CHUNK_WALL: Duration = Duration::from_millis(50);
 /// The encoder looks at the ring this often by itself …
@@ -66,6 +67,8 @@ const WAKE_TICKS: usize = 16;
 /// Pause between two calls of fsync; with the call itself less than a second.
 const SYNC_PERIOD: Duration = Duration::from_millis(500);
 const EVENT_SLOTS: usize = 256;
+/// Room kept for the summary, so that it can still be written when the disk is full.
+const SUMMARY_ROOM: usize = 16 << 10;
 /// Contacts of a tick that fit a slot without allocating; more contacts make the slot grow once.
 const SLOT_CONTACTS: usize = 64;
 
@@ -75,6 +78,7 @@ struct Slot {
     time: SimTime,
     row: Vec<Cell>,
     contacts: Vec<ContactRow>,
+    wall: Option<u64>,
 }
 
 impl Slot {
@@ -84,6 +88,7 @@ impl Slot {
             time: SimTime::ZERO,
             row: Vec::with_capacity(columns),
             contacts: Vec::with_capacity(SLOT_CONTACTS),
+            wall: None,
         }
     }
 }
@@ -115,7 +120,10 @@ pub struct RunWriter {
     fault: Fault,
     last_tick: Option<u64>,
     since_wake: usize,
-    recorded: u64,
+    /// Wall clock at the start, ns since 1970, and the instant that goes with it.
+    wall: Option<(u64, Instant)>,
+    /// Ticks that the operating system has.
+    written: Arc<AtomicU64>,
     dropped_ticks: u64,
     dropped_events: u64,
 }
@@ -129,7 +137,9 @@ impl fmt::Debug for RunWriter {
 impl RunWriter {
     /// Begins a recording in `dir`, which is created when absent.
     ///
-    /// `metadata` is kept with the recording: tool version, scenario, seed, digests.
+    /// `metadata` is kept with the recording: tool version, scenario, seed, digests. With
+    /// `started_unix_ns` in it (wall clock now, ns since 1970) every message of the log carries the
+    /// wall clock of its tick as MCAP's publish time.
     ///
     /// # Errors
     /// Unusable columns (all problems at once), a recording already there, a directory or file that
@@ -166,6 +176,7 @@ impl RunWriter {
             (log_path.clone(), clone(&log_path, &log)?),
             (events_path.clone(), clone(&events_path, &events)?),
         ];
+        keep_room(dir)?;
         sync_dir(dir)?;
         let sinks = Sinks {
             log: Box::new(log),
@@ -191,6 +202,8 @@ impl RunWriter {
             .map_err(|e| RecordError::parquet("begin the table", &table_path, e))?;
 
         let fault = Fault::default();
+        let written = Arc::new(AtomicU64::new(0));
+        let started = metadata.get(STARTED_KEY).and_then(|t| t.parse().ok());
         let slots = policy.slots();
         let (free_tx, free) = sync_channel(slots);
         let (filled, filled_rx) = sync_channel(slots);
@@ -218,6 +231,8 @@ impl RunWriter {
             blocks,
             spare,
             dirty_since: None,
+            encoded: 0,
+            written: Arc::clone(&written),
         };
         let spawn = |name: &str, f: Box<dyn FnOnce() -> Result<(), RecordError> + Send>| {
             let fault = Arc::clone(&fault);
@@ -253,7 +268,8 @@ impl RunWriter {
             fault,
             last_tick: None,
             since_wake: 0,
-            recorded: 0,
+            wall: started.map(|t| (t, Instant::now())),
+            written,
             dropped_ticks: 0,
             dropped_events: 0,
         })
@@ -303,12 +319,14 @@ impl RunWriter {
         slot.row.extend_from_slice(row);
         slot.contacts.clear();
         slot.contacts.extend_from_slice(contacts);
+        slot.wall = self.wall.map(|(start, since)| {
+            start.saturating_add(u64::try_from(since.elapsed().as_nanos()).unwrap_or(u64::MAX))
+        });
         // Never waits: the ring has room for every slot there is.
         let sent = self.filled.as_ref().is_some_and(|f| f.send(slot).is_ok());
         if !sent {
             return Err(self.lost_thread());
         }
-        self.recorded += 1;
         self.since_wake += 1;
         if self.since_wake >= WAKE_TICKS {
             self.since_wake = 0;
@@ -346,6 +364,22 @@ impl RunWriter {
         replace_file(&self.dir, files::SCENARIO, text)
     }
 
+    /// Writes a file that belongs to the run, such as a model it was made from, at a path relative to
+    /// the run directory.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn keep_file(&self, relative: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+        let path = self.dir.join(relative);
+        let write = || {
+            fs::create_dir_all(path.parent().unwrap_or(&self.dir))?;
+            let mut f = File::create(&path)?;
+            f.write_all(bytes)?;
+            f.sync_data()
+        };
+        write().map_err(|e| RecordError::io("keep a file of the run", &path, &e))
+    }
+
     /// Ticks lost so far because the ring was full; always 0 with [`Policy::Wait`].
     #[must_use]
     pub const fn dropped_ticks(&self) -> u64 {
@@ -358,7 +392,9 @@ impl RunWriter {
         &self.dir
     }
 
-    /// Closes every file, syncs them, and writes `summary.json` with its `recording` filled in.
+    /// Closes every file, syncs them, and writes `summary.json` with its `recording` filled in. Where
+    /// the recording failed on the way, the summary is written too and says so
+    /// ([`Summary::degrade`]); room for it was kept from the start.
     ///
     /// # Errors
     /// Anything that could not be written, the summary included.
@@ -367,13 +403,17 @@ impl RunWriter {
         let size = |name| fs::metadata(self.dir.join(name)).map_or(0, |m| m.len());
         let recording = RecordingSummary {
             policy: self.policy.to_string(),
-            ticks: self.recorded,
+            ticks: self.written.load(Ordering::Acquire),
             dropped_ticks: self.dropped_ticks,
             dropped_events: self.dropped_events,
             log_bytes: size(files::LOG),
             table_bytes: size(files::TABLE),
+            error: self.fault.get().map(ToString::to_string),
         };
-        let summary = Summary { recording: Some(recording.clone()), ..summary.clone() };
+        let mut summary = Summary { recording: Some(recording.clone()), ..summary.clone() };
+        if let Some(why) = &recording.error {
+            summary.degrade(why);
+        }
         let path = self.dir.join(files::SUMMARY);
         let text = serde_json::to_string_pretty(&summary)
             .map_err(|e| RecordError::io("write the summary", &path, &e.into()))?;
@@ -413,6 +453,8 @@ impl RunWriter {
 impl Drop for RunWriter {
     fn drop(&mut self) {
         self.close();
+        // Room that no summary took.
+        let _ = fs::remove_file(part_of(&self.dir, files::SUMMARY));
     }
 }
 
@@ -434,6 +476,9 @@ struct Encoder {
     spare: Receiver<Block>,
     /// When the open chunk got its first content.
     dirty_since: Option<Instant>,
+    /// Ticks handed to the log, and how many of them it has written.
+    encoded: u64,
+    written: Arc<AtomicU64>,
 }
 
 impl Encoder {
@@ -487,7 +532,8 @@ impl Encoder {
 
     fn tick(&mut self, slot: &Slot) -> Result<(), RecordError> {
         self.dirty_since.get_or_insert_with(Instant::now);
-        self.log.tick(slot.tick, slot.time, &slot.row, &slot.contacts);
+        self.log.tick(slot.tick, slot.time, &slot.row, &slot.contacts, slot.wall);
+        self.encoded += 1;
         self.block.push(slot.tick, slot.time, &slot.row);
         if self.block.rows() < GROUP_ROWS {
             return Ok(());
@@ -516,7 +562,9 @@ impl Encoder {
 
     fn flush(&mut self) -> Result<(), RecordError> {
         self.dirty_since = None;
-        self.log.flush().map_err(|e| RecordError::io("write the log", &self.log_path, &e))
+        self.log.flush().map_err(|e| RecordError::io("write the log", &self.log_path, &e))?;
+        self.written.store(self.encoded, Ordering::Release);
+        Ok(())
     }
 }
 
@@ -561,10 +609,12 @@ fn keep_synced(files: &[(PathBuf, File)], stop: &Receiver<()>) -> Result<(), Rec
 /// Writes a whole file under another name and moves it into place, so that no reader and no crash
 /// meets half of it.
 fn replace_file(dir: &Path, name: &str, text: &str) -> Result<(), RecordError> {
-    let (path, half) = (dir.join(name), dir.join(format!(".{name}.part")));
+    let (path, half) = (dir.join(name), part_of(dir, name));
     let write = || {
-        let mut f = File::create(&half)?;
+        // What is there is written over, not cut off: it may be room kept on a full disk.
+        let mut f = OpenOptions::new().write(true).create(true).truncate(false).open(&half)?;
         f.write_all(text.as_bytes())?;
+        f.set_len(text.len() as u64)?;
         f.sync_data()?;
         fs::rename(&half, &path)
     };
@@ -572,16 +622,28 @@ fn replace_file(dir: &Path, name: &str, text: &str) -> Result<(), RecordError> {
     sync_dir(dir)
 }
 
+/// A file on its way to its name.
+pub(crate) fn part_of(dir: &Path, name: &str) -> PathBuf {
+    dir.join(format!(".{name}.part"))
+}
+
+/// Keeps room on the disk for the summary.
+fn keep_room(dir: &Path) -> Result<(), RecordError> {
+    let path = part_of(dir, files::SUMMARY);
+    fs::write(&path, vec![b' '; SUMMARY_ROOM])
+        .map_err(|e| RecordError::io("keep room for the summary", &path, &e))
+}
+
 /// Makes new names in the directory last.
 #[cfg(unix)]
-fn sync_dir(dir: &Path) -> Result<(), RecordError> {
+pub(crate) fn sync_dir(dir: &Path) -> Result<(), RecordError> {
     File::open(dir)
         .and_then(|d| d.sync_all())
         .map_err(|e| RecordError::io("sync the run directory", dir, &e))
 }
 
 #[cfg(not(unix))]
-fn sync_dir(_: &Path) -> Result<(), RecordError> {
+pub(crate) fn sync_dir(_: &Path) -> Result<(), RecordError> {
     Ok(())
 }
 
