@@ -3,6 +3,7 @@
 //! Written archetype by archetype: the builder of rerun 0.36 (`rerun::blueprint`) has no way to give
 //! a 3-D view its eye, its background or its grid.
 
+use docktwin_core::StateHasher;
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint,
@@ -189,7 +190,7 @@ fn layout(look: &Look) -> Node {
             Node::Container {
                 kind: ContainerKind::Vertical,
                 name: "",
-                shares: vec![1.2, 1.2, 1.0, 1.0, 1.2, 1.3],
+                shares: vec![1.2, 1.1, 1.0, 1.0, 1.5, 1.2],
                 children: vec![
                     row(vec![
                         axes_plot("Force at e3, N (white: Σ contact)", paths::PORT_FORCE),
@@ -232,10 +233,13 @@ fn text_log_column(kind: bp_datatypes::TextLogColumnKind) -> TextLogColumn {
     TextLogColumn(bp_datatypes::TextLogColumn { kind, visible: true.into() })
 }
 
-/// Names the parts of the layout; they need to be different only from each other.
-fn uuid(number: u32) -> (String, [u8; 16]) {
-    let mut bytes = *b"docktwin-view\0\0\0";
-    bytes[12..].copy_from_slice(&number.to_be_bytes());
+/// Names a part of the layout by its place and what it is. The viewer keeps a user's last layout and
+/// the state of its views by these names: a view of another kind must not inherit one.
+fn uuid(number: u32, what: &str) -> (String, [u8; 16]) {
+    let mut h = StateHasher::new();
+    h.u64(number.into());
+    h.bytes(what.as_bytes());
+    let bytes = h.finish().0;
     let hex: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
     let text = [&hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]].join("-");
     (text, bytes)
@@ -248,7 +252,12 @@ impl Node {
         rec: &RecordingStream,
         next: &mut u32,
     ) -> RecordingStreamResult<(String, [u8; 16])> {
-        let (id, bytes) = uuid(*next);
+        let (id, bytes) = match self {
+            Self::View { class, name, origin, .. } => {
+                uuid(*next, &format!("{class} {name} {origin}"))
+            }
+            Self::Container { kind, name, .. } => uuid(*next, &format!("{kind:?} {name}")),
+        };
         *next += 1;
         let path = match self {
             Self::View { class, name, origin, without, properties } => {

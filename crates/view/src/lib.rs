@@ -35,7 +35,13 @@ mod mesh;
 mod paths;
 mod scene;
 mod style;
+mod whole;
 mod writer;
+
+pub use whole::is_whole;
+
+/// Version of the viewer that recordings are written for.
+pub const VIEWER_VERSION: &str = "0.36.3";
 
 pub use error::ViewError;
 pub use writer::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter};

@@ -698,8 +698,12 @@ impl SceneWriter {
         }
 
         let mut order: Vec<&Pair> = self.pairs.iter().filter(|p| p.peak.is_some()).collect();
-        let peak = |p: &Pair| p.peak.map_or(0.0, |k| k.force_n);
-        order.sort_by(|a, b| peak(b).total_cmp(&peak(a)));
+        // What pushes now comes first, then what has pushed most.
+        let key = |p: &Pair| (p.now_n, p.peak.map_or(0.0, |k| k.force_n));
+        order.sort_by(|a, b| {
+            let ((a, a_peak), (b, b_peak)) = (key(a), key(b));
+            b.total_cmp(&a).then(b_peak.total_cmp(&a_peak))
+        });
         self.rows.table.push(time, "", table(time, &order, &self.summary));
     }
 
@@ -873,12 +877,22 @@ fn seconds(time: i64) -> f64 {
 
 /// Markdown: loads at the port and every pair that ever touched, the strongest first.
 fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
-    let touching = order.iter().filter(|p| p.places > 0).count();
-    let touch = match touching {
+    let count = |latch: bool| {
+        let of_kind = |p: &&&Pair| p.places > 0 && (p.class == PairClass::Latch) == latch;
+        order.iter().filter(of_kind).count()
+    };
+    let mut touch = match count(false) {
         0 => "no surfaces touch".to_owned(),
         1 => "1 pair of surfaces touches".to_owned(),
         n => format!("{n} pairs of surfaces touch"),
     };
+    match count(true) {
+        0 => {}
+        1 => touch.push_str(", 1 latch holds"),
+        n => {
+            let _ = write!(touch, ", {n} latches hold");
+        }
+    }
     let mut t = format!("**At {:.3} s {touch}.** ", seconds(time));
     // Writing to a string cannot fail.
     for (name, force, moment) in [
@@ -902,22 +916,22 @@ fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
         return t;
     }
     t.push_str(
-        "| pair | class | now | depth | places | peak | at |\n|---|---|---|---|---|---|---|\n",
+        "| pair | now | depth | peak | at |\n|---|---|---|---|---|\n",
     );
     for p in order.iter().take(SUMMARY_ROWS) {
         let now = if p.places > 0 {
             let force = style::newtons(p.now_n);
             if p.class == PairClass::Latch {
-                format!("**{force}** | – | –")
+                format!("**{force}** | –")
             } else {
-                format!("**{force}** | {:.2} mm | {}", 1e3 * p.now_depth_m, p.places)
+                format!("**{force}** | {:.2} mm", 1e3 * p.now_depth_m)
             }
         } else {
-            "– | – | –".to_owned()
+            "– | –".to_owned()
         };
         if let Some(k) = p.peak {
-            let (class, peak, at) = (p.class.name(), style::newtons(k.force_n), seconds(k.time));
-            let _ = writeln!(t, "| {} | {class} | {now} | {peak} | {at:.3} s |", p.name);
+            let (peak, at) = (style::newtons(k.force_n), seconds(k.time));
+            let _ = writeln!(t, "| {} | {now} | {peak} | {at:.3} s |", p.name);
         }
     }
     if order.len() > SUMMARY_ROWS {
