@@ -28,7 +28,7 @@ impl Eye {
     /// From the side, and somewhat from the front and above, at the place where the rings meet.
     pub(crate) fn new(m: &DockingMechanism) -> Self {
         let target = DVec3::X * m.ring_rest_offset_m;
-        let position = target + DVec3::new(1.05, -1.95, 1.05) * reach(m);
+        let position = target + DVec3::new(1.15, -2.1, 1.12) * reach(m);
         let ahead = target - position;
         let right = ahead.cross(DVec3::Z).normalize_or(DVec3::X);
         let down = ahead.cross(right).normalize_or(DVec3::NEG_Z);

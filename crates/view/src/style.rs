@@ -1,7 +1,7 @@
 //! Colours, classes of contact and how forces are drawn.
 
-/// Arrows: metres per newton, so that 1 kN is 0.25 m.
-pub(crate) const METRES_PER_NEWTON: f64 = 0.25 / 1000.0;
+/// Arrows: metres per newton, so that 1 kN is 0.5 m.
+pub(crate) const METRES_PER_NEWTON: f64 = 0.5 / 1000.0;
 
 pub(crate) const ACTIVE: u32 = 0xF0_74_38_FF;
 pub(crate) const PASSIVE: u32 = 0x4C_90_F0_FF;

@@ -939,7 +939,7 @@ fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
     }
     t.push_str(
         "\nNormal force at the strongest place of each pair, peaks over every tick. Arrows: force on \
-         the active side, 1 kN = 0.25 m; thin and pale: friction. A: active, orange; P: passive, \
+         the active side, 1 kN = 0.5 m; thin and pale: friction. A: active, orange; P: passive, \
          blue.\n",
     );
     t
