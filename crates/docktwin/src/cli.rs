@@ -156,9 +156,9 @@ pub(crate) struct ReplayArgs {
 }
 
 const VIEW: &str = "\
-The viewer is `rerun` on the path, in the version that run.rrd is written for; it is started with its
-usage statistics off and the user's own configuration untouched. A run.rrd that is missing, cut or of
-a killed run is made again from run.mcap.
+The viewer is `rerun` on the path, in the version that run.rrd is written for; it is started with
+its usage statistics off and the user's own configuration untouched. A run.rrd that is missing, cut
+or of a killed run is made again from run.mcap.
 
 Examples:
   docktwin view runs/fast

@@ -195,8 +195,7 @@ impl Playback {
                 }
             }
         }
-        let [kinetic, stored, friction, contact, joint, capture, attenuator] =
-            c.energy.map(number);
+        let [kinetic, stored, friction, contact, joint, capture, attenuator] = c.energy.map(number);
         let between = Wrench { f: vector(c.port4[0]), m: vector(c.port4[1]) }
             .rotated(poses.x_w4.q)
             .shifted(poses.x_wr.p - poses.x_w4.p);

@@ -130,13 +130,8 @@ impl Setup<'_> {
         let (system, bodies) = start(scenario)?;
         let pair_names: Vec<String> =
             (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
-        let mut writer = RunWriter::create(
-            self.out,
-            columns(),
-            pair_names,
-            &self.metadata(),
-            Policy::Wait,
-        )?;
+        let mut writer =
+            RunWriter::create(self.out, columns(), pair_names, &self.metadata(), Policy::Wait)?;
         writer.scenario_toml(&self.scenario_as_run())?;
         let mut view = match rrd {
             true => Some((

@@ -327,9 +327,9 @@ impl Viewer {
         std::fs::create_dir_all(&folder)
             .and_then(|()| std::fs::write(&file, config.to_string()))
             .map_err(|e| Failure::Usage {
-                what: format!("cannot write {}: {e}", file.display()),
-                remedy: "free some space, or set TMPDIR to another folder".to_owned(),
-            })?;
+            what: format!("cannot write {}: {e}", file.display()),
+            remedy: "free some space, or set TMPDIR to another folder".to_owned(),
+        })?;
         let said = self.ask(&["analytics", "config"]).unwrap_or_default();
         let quiet = said
             .find('{')

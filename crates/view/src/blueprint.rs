@@ -112,11 +112,8 @@ pub(crate) struct Look {
 }
 
 fn layout(look: &Look) -> Node {
-    let oblique = scene(
-        "Mechanism, seen from the chaser's port e3",
-        &look.eye,
-        vec!["/scene/face/**"],
-    );
+    let oblique =
+        scene("Mechanism, seen from the chaser's port e3", &look.eye, vec!["/scene/face/**"]);
     let face_on = scene(
         "Along the docking axis, from the chaser",
         &look.face_on,

@@ -9,8 +9,7 @@ use rerun::log::Chunk;
 fn each(path: &Path, mut look: impl FnMut(LogMsg) -> Result<(), String>) -> Result<(), String> {
     let text = |e: &dyn core::fmt::Display| e.to_string();
     let file = std::fs::File::open(path).map_err(|e| text(&e))?;
-    let messages =
-        DecoderApp::decode_eager(std::io::BufReader::new(file)).map_err(|e| text(&e))?;
+    let messages = DecoderApp::decode_eager(std::io::BufReader::new(file)).map_err(|e| text(&e))?;
     for message in messages {
         look(message.map_err(|e| text(&e))?)?;
     }

@@ -427,8 +427,7 @@ impl SceneWriter {
         let m = scene.mechanism;
         let compared = part == Part::First;
         let look = blueprint::Look { eye: Eye::new(m), face_on: Eye::face_on(m), compared };
-        blueprint::send(&rec, APPLICATION, &look)
-            .map_err(|e| ViewError::encode("blueprint", e))?;
+        blueprint::send(&rec, APPLICATION, &look).map_err(|e| ViewError::encode("blueprint", e))?;
         scene::log_static(&rec, scene, compared).map_err(|e| ViewError::encode(paths::SCENE, e))?;
         Ok(Self::with(rec, path.to_owned(), scene, pair_names, part, 0))
     }
@@ -915,9 +914,7 @@ fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
         t.push_str("No contact so far.\n");
         return t;
     }
-    t.push_str(
-        "| pair | now | depth | peak | at |\n|---|---|---|---|---|\n",
-    );
+    t.push_str("| pair | now | depth | peak | at |\n|---|---|---|---|---|\n");
     for p in order.iter().take(SUMMARY_ROWS) {
         let now = if p.places > 0 {
             let force = style::newtons(p.now_n);

@@ -103,8 +103,7 @@ fn petal_petal(a: &Petal, coarse: &[Segment; COARSE], ruling: impl Fn(f64) -> Se
     let mut h = u_of(1) - u_of(0);
     for _ in 0..ROUNDS {
         let t = ruling(v);
-        (u, best) =
-            climb(u, best, (u - h).max(-1.0), (u + h).min(1.0), |x| of(&a.ruling(x), &t));
+        (u, best) = climb(u, best, (u - h).max(-1.0), (u + h).min(1.0), |x| of(&a.ruling(x), &t));
         let s = a.ruling(u);
         (v, best) = climb(v, best, (v - h).max(-1.0), (v + h).min(1.0), |x| of(&s, &ruling(x)));
         h *= 0.4;
