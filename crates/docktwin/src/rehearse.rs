@@ -133,16 +133,12 @@ impl Setup<'_> {
         let mut writer =
             RunWriter::create(self.out, columns(), pair_names, &self.metadata(), Policy::Wait)?;
         writer.scenario_toml(&self.scenario_as_run())?;
-        let mut view = match rrd {
-            true => Some((
-                SceneWriter::create(
-                    &self.out.join("run.rrd"),
-                    &playback::scene_model(scenario),
-                    &playback::pair_names(),
-                )?,
-                Playback::new(scenario, &columns())?,
-            )),
-            false => None,
+        let mut view = if rrd {
+            let (model, names) = (playback::scene_model(scenario), playback::pair_names());
+            let writer = SceneWriter::create(&self.out.join("run.rrd"), &model, &names)?;
+            Some((writer, Playback::new(scenario, &columns())?))
+        } else {
+            None
         };
 
         let wall = WallInstant::now();

@@ -348,9 +348,12 @@ impl Viewer {
     fn show(&self, file: &Path) -> Result<(), Failure> {
         let remedy = "without a display, write the file with --save FILE.rrd and open it elsewhere";
         let failed = |what: String| Failure::Usage { what, remedy: remedy.to_owned() };
+        // A viewer of its own: by default the file would go to one that is open already, whatever its
+        // settings. And one that listens to this machine only, not to the whole network.
         let status = self
             .command()
             .arg(file)
+            .args(["--new", "--bind", "127.0.0.1"])
             .status()
             .map_err(|e| failed(format!("cannot start {}: {e}", self.program.display())))?;
         if status.success() {

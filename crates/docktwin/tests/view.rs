@@ -114,6 +114,7 @@ fn fake_viewer(dir: &Path, version: &str, obeys: bool) -> PathBuf {
     let script = format!(
         "#!/bin/sh\ncase \"$1\" in\n--version) echo 'rerun-cli {version} (all)';;\n\
          analytics) {config};;\n*) cp \"$1\" \"{0}/shown.rrd\"; \
+         echo \"$2 $3 $4\" > \"{0}/options\"; \
          cat \"$XDG_CONFIG_HOME/rerun/analytics.json\" > \"{0}/config\";;\nesac\n",
         dir.display()
     );
@@ -140,6 +141,8 @@ fn invariant_the_viewer_is_opened_with_statistics_off_or_not_at_all() {
     let config = std::fs::read_to_string(at.path().join("config")).expect("seen");
     let config: serde_json::Value = serde_json::from_str(&config).expect("JSON");
     assert_eq!(config["analytics_enabled"], false, "{config}");
+    let options = std::fs::read_to_string(at.path().join("options")).expect("seen");
+    assert_eq!(options.trim(), "--new --bind 127.0.0.1");
 
     for (version, obeys, words) in
         [(ours, false, "analytics disable"), ("0.1.2", true, "version 0.1.2")]
