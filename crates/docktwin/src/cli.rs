@@ -57,6 +57,9 @@ pub(crate) enum Command {
     /// Run a recording again, tick by tick, and say where it first differs
     #[command(after_help = REPLAY)]
     Replay(ReplayArgs),
+    /// Open a run, or two laid over each other, in the rerun viewer
+    #[command(after_help = VIEW)]
+    View(ViewArgs),
 }
 
 const REHEARSE: &str = "\
@@ -159,4 +162,47 @@ Examples:
 pub(crate) struct ReplayArgs {
     /// Run directory
     pub(crate) run: PathBuf,
+}
+
+const VIEW: &str = "\
+The viewer is `rerun` on the path, in the version that run.rrd is written for; it is started with
+its usage statistics off and the user's own configuration untouched. A run.rrd that is missing, cut
+or of a killed run is made again from run.mcap.
+
+Examples:
+  docktwin view runs/fast
+  docktwin view runs/fast --at 0.15                 as it was 0.15 s after the start
+  docktwin view runs/fast --save fast.rrd           for another machine
+  docktwin view --compare runs/fast runs/wide --align first-contact";
+
+/// Options of `view`.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// Run directory
+    #[arg(required_unless_present = "compare")]
+    pub(crate) run: Option<PathBuf>,
+    /// Lay run B over run A, as a grey ghost
+    #[arg(long, num_args = 2, value_names = ["RUN_A", "RUN_B"], conflicts_with = "run")]
+    pub(crate) compare: Vec<PathBuf>,
+    /// What the two runs have in common in time
+    #[arg(long, value_enum, default_value_t = Align::Start, requires = "compare")]
+    pub(crate) align: Align,
+    /// Show the run only up to this simulated time: the viewer opens there
+    #[arg(long, value_name = "TIME_S", allow_negative_numbers = true)]
+    pub(crate) at: Option<f64>,
+    /// Write the recording for the viewer to this file instead of opening it
+    #[arg(long, value_name = "FILE.rrd")]
+    pub(crate) save: Option<PathBuf>,
+    /// The viewer's program [default: DOCKTWIN_VIEWER of the environment, or `rerun`]
+    #[arg(long, value_name = "PATH")]
+    pub(crate) viewer: Option<PathBuf>,
+}
+
+/// What two runs share in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Align {
+    /// Their start
+    Start,
+    /// Their first contact
+    FirstContact,
 }

@@ -7,7 +7,7 @@ use docktwin_scenario::{explain, load_scenario};
 use crate::{
     cli::{Cli, Command, ModelCommand, ScenarioCommand},
     failure::{BAD_INPUT, Failure},
-    rehearse, replay,
+    rehearse, replay, view,
 };
 
 /// Runs the command.
@@ -19,6 +19,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Diff(args) => crate::diff::run(args, json),
         Command::Export(args) => crate::export::run(args, json),
         Command::Recover(args) => crate::recover::run(args, json),
+        Command::View(args) => view::run(args, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);
             let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use docktwin::setup::StartOverlap;
+use docktwin::{playback::PlaybackError, setup::StartOverlap};
 use docktwin_model::{ModelErrors, Problem};
 use docktwin_record::RecordError;
 use docktwin_scenario::ScenarioErrors;
@@ -56,6 +56,19 @@ fn list(problems: &[Problem]) -> String {
 impl From<ScenarioErrors> for Failure {
     fn from(e: ScenarioErrors) -> Self {
         Self::Input { problems: e.problems }
+    }
+}
+
+impl From<PlaybackError> for Failure {
+    fn from(e: PlaybackError) -> Self {
+        match e {
+            PlaybackError::Record(e) => Self::Record(e),
+            PlaybackError::View(e) => Self::View(e),
+            PlaybackError::Columns { .. } => Self::Usage {
+                what: e.to_string(),
+                remedy: "show it with the version that made it, or rehearse again".to_owned(),
+            },
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod models;
 mod recover;
 mod rehearse;
 mod replay;
+mod view;
 
 use std::process::ExitCode;
 

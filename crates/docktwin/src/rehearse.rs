@@ -22,11 +22,12 @@ use docktwin_record::{
 };
 use docktwin_scenario::{ExpectedOutcome, Measured, Scenario, load_scenario};
 use docktwin_twin::FullTwin;
-use docktwin_view::{ContactArrow, Frame, SceneModel, SceneWriter};
+use docktwin_view::SceneWriter;
 use hdrhistogram::Histogram;
 use serde_json::json;
 
 use docktwin::{
+    playback::{self, FRAME_TICKS, Playback},
     setup::{
         FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, thrust_ahead,
         tick_digest,
@@ -43,8 +44,6 @@ use crate::{
 
 /// A contact that is interrupted for less than this is one contact in the events, s.
 const CONTACT_GAP_S: f64 = 0.02;
-/// Ticks between two frames for the viewer.
-const FRAME_TICKS: u64 = 10;
 /// An energy account that is off by more than this share of the energy put in is a defect.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
@@ -134,24 +133,17 @@ impl Setup<'_> {
         let pair_names: Vec<String> =
             (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
         let models = ModelCopies::read(scenario)?;
-        let mut writer = RunWriter::create(
-            self.out,
-            columns(),
-            pair_names.clone(),
-            &self.metadata(),
-            Policy::Wait,
-        )?;
+        let mut writer =
+            RunWriter::create(self.out, columns(), pair_names, &self.metadata(), Policy::Wait)?;
         models.write(&writer)?;
         writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
-        let scene = SceneModel {
-            scenario: &scenario.name,
-            chaser: &scenario.chaser,
-            target: &scenario.target,
-            mechanism: &scenario.mechanism,
+        let mut view = if rrd {
+            let (model, names) = (playback::scene_model(scenario), playback::pair_names());
+            let writer = SceneWriter::create(&self.out.join("run.rrd"), &model, &names)?;
+            Some((writer, Playback::new(scenario, &columns())?))
+        } else {
+            None
         };
-        let mut view = rrd
-            .then(|| SceneWriter::create(&self.out.join("run.rrd"), &scene, &pair_names))
-            .transpose()?;
 
         let wall = WallInstant::now();
         let h = self.step_s();
@@ -183,7 +175,7 @@ impl Setup<'_> {
                 if lost.is_none() {
                     lost = writer.event(&e).err().map(Failure::from);
                 }
-                if let Some(v) = &mut view {
+                if let Some((v, _)) = &mut view {
                     v.event(time, &e.kind, &e.text)?;
                 }
                 run.frame_due = true;
@@ -196,11 +188,10 @@ impl Setup<'_> {
                 lost =
                     writer.tick(Tick(tick), time, &run.row, &run.contacts).err().map(Failure::from);
             }
-            if let Some(v) = &mut view
-                && (tick.is_multiple_of(FRAME_TICKS) || run.frame_due || last)
-            {
+            if let Some((v, playback)) = &mut view {
+                let drawn = tick.is_multiple_of(FRAME_TICKS) || run.frame_due || last;
+                playback.show(v, time, &run.row, &run.contacts, drawn)?;
                 run.frame_due = false;
-                show(v, scenario, &now, time, &mut run.arrows)?;
             }
             if last {
                 break;
@@ -230,7 +221,7 @@ impl Setup<'_> {
             lost = writer.event(&outcome_event).err().map(Failure::from);
         }
         let mut summary = run.summary(self, &state, &judgement, tick, time);
-        if let Some(mut v) = view {
+        if let Some((mut v, _)) = view {
             v.event(time, &outcome_event.kind, &outcome_event.text)?;
             if let Err(e) = v.finish() {
                 // After a lost log this is the same disk once more.
@@ -296,7 +287,6 @@ struct Run {
     events: Vec<Event>,
     row: Vec<docktwin_record::Cell>,
     contacts: Vec<ContactRow>,
-    arrows: Vec<ContactArrow>,
     pairs: [PairStory; PAIRS],
     latches: [LatchPhase; 3],
     captured: bool,
@@ -325,7 +315,6 @@ impl Run {
             events: Vec::new(),
             row: Vec::new(),
             contacts: Vec::new(),
-            arrows: Vec::new(),
             pairs: [PairStory::default(); PAIRS],
             latches: [LatchPhase::Free; 3],
             captured: false,
@@ -589,36 +578,6 @@ impl Run {
             recording: None,
         }
     }
-}
-
-fn show(
-    view: &mut SceneWriter,
-    scenario: &Scenario,
-    now: &Instant<'_>,
-    time: SimTime,
-    arrows: &mut Vec<ContactArrow>,
-) -> Result<(), Failure> {
-    arrows.clear();
-    // The viewer shows what the active side feels.
-    arrows.extend(now.contacts().iter().map(|c| ContactArrow {
-        pair: c.pair,
-        point_w_m: c.point_w_m,
-        normal_force_w_n: -c.normal_w_n,
-        friction_w_n: -c.friction_w_n,
-        depth_m: c.depth_m,
-    }));
-    let frames = now.measured.poses();
-    view.frame(&Frame {
-        time,
-        // From the ports, because the chaser's mass centre moves when the ring is part of it.
-        x_world_chaser: frames.x_w3 * scenario.chaser.x_body_port.inverse(),
-        x_world_target: frames.x_w4 * scenario.target.x_body_port.inverse(),
-        x_world_ring: frames.x_wr,
-        contacts: arrows,
-        latches: now.state.mechanism.latches.map(|l| l.phase as u8),
-        scalars: &now.scalars(),
-    })?;
-    Ok(())
 }
 
 fn print(s: &Summary, scenario: &Scenario, out: &Path) {

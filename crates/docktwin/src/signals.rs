@@ -8,7 +8,6 @@ use docktwin_physics::{
     reduced::{DockingState, Energy, Inputs},
 };
 use docktwin_record::{Cell, Column};
-use docktwin_view::{Energies, Scalars};
 
 /// Most places of contact recorded in one tick.
 pub const MAX_CONTACTS: usize = 32;
@@ -35,6 +34,8 @@ pub struct Instant<'a> {
     pub port4: Wrench,
     /// How far the attenuator is beyond its travel, m.
     pub overtravel_m: f64,
+    /// Force of each latch on the target, in `r3`, N.
+    pub latch_force_n: [DVec3; 3],
 }
 
 impl<'a> Instant<'a> {
@@ -79,6 +80,7 @@ impl<'a> Instant<'a> {
             port3,
             port4,
             overtravel_m: system.overtravel_m(&measured),
+            latch_force_n: system.latch_forces(&measured, &state.mechanism, &com, &twist),
             state,
             measured,
             forces,
@@ -109,36 +111,6 @@ impl<'a> Instant<'a> {
     #[must_use]
     pub fn contacts(&self) -> &[ContactSample] {
         &self.contacts[..self.contact_count]
-    }
-
-    /// Curves for the viewer.
-    #[must_use]
-    pub fn scalars(&self) -> Scalars {
-        let frames = self.measured.poses();
-        let x_34 = frames.x_w3.inverse() * frames.x_w4;
-        let deflection = self.measured.deflection();
-        let degrees =
-            |e: Euler| DVec3::new(e.roll, e.pitch, e.yaw) * (180.0 / core::f64::consts::PI);
-        let lost = &self.state.mechanism.losses;
-        Scalars {
-            relative_position_m: x_34.p,
-            relative_attitude_deg: degrees(Euler::from_quat(x_34.q)),
-            relative_velocity_m_s: self.relative.v,
-            relative_rate_deg_s: self.relative.w * (180.0 / core::f64::consts::PI),
-            ring_deflection_mm: deflection.d * 1e3,
-            ring_tilt_deg: deflection.psi * (180.0 / core::f64::consts::PI),
-            port_force_n: self.port3.f,
-            port_moment_nm: self.port3.m,
-            contact_normal_sum_n: self.contacts().iter().map(|c| c.normal_w_n.length()).sum(),
-            energy: Energies {
-                kinetic_relative_j: self.energy.kinetic,
-                stored_j: self.energy.stored,
-                dissipated_friction_j: lost.friction,
-                dissipated_contact_j: lost.contact + lost.joint + lost.capture,
-                dissipated_attenuator_j: lost.attenuator,
-            },
-            latch_gap_m: self.measured.latches.map(|l| l.axial_m),
-        }
     }
 }
 
@@ -173,6 +145,10 @@ pub fn columns() -> Vec<Column> {
     for body in ["chaser", "target"] {
         vector("/inputs", &format!("{body}_control_force"), "n");
         vector("/inputs", &format!("{body}_control_moment"), "nm");
+    }
+    for i in 1..=3 {
+        // On the target, in r3: a caught latch pulls along -X.
+        vector("/latches", &format!("latch_{i}_force"), "n");
     }
     vector("/momentum", "linear_momentum", "kg_m_s");
     vector("/momentum", "angular_momentum", "kg_m2_s");
@@ -232,6 +208,9 @@ pub fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64, out: 
     for w in [inputs.chaser, inputs.target] {
         vector(w.f);
         vector(w.m);
+    }
+    for f in i.latch_force_n {
+        vector(f);
     }
     vector(i.momentum.f);
     vector(i.momentum.m);

@@ -380,9 +380,8 @@ impl System {
                     let axis = m.poses.x_wr.q * DVec3::X;
                     for (gap, latch) in m.latches.iter().zip(&state.latches) {
                         if latch.phase == LatchPhase::Latched {
-                            let over = (gap.axial_m - l.catch_gap_m).max(0.0);
                             let arm = m.poses.x_wr.q * gap.striker_r;
-                            out.on_target.push(arm, axis * (-l.hold_stiffness_n_m * over));
+                            out.on_target.push(arm, axis * hold_n(l, gap));
                         }
                     }
                 }
@@ -417,16 +416,40 @@ impl System {
 
     fn joint(&self, j: &Joint, m: &Measured, r: Twist, t: Twist, out: &mut Forces) {
         let Some(l) = &self.mechanism.latches else { return };
-        let k = l.joined_stiffness_n_m / 3.0;
         let q = m.poses.x_wr.q;
         for i in 0..3 {
             let arm = q * m.latches[i].striker_r;
             let rate = striker_rate(m, m.latches[i].striker_r, r, t);
-            let stretch = m.latches[i].striker_r - j.anchor[i];
-            let f = q * (j.preload[i] - stretch * k) - rate * l.joined_damping_n_s_m;
-            out.on_target.push(arm, f);
+            out.on_target.push(arm, joined_force(l, j, m, i, rate));
             out.joint_w += l.joined_damping_n_s_m * rate.length_squared();
         }
+    }
+
+    /// Force that each latch puts on the target at its striker, in `r3`, N: a caught latch pulls along
+    /// −X, joined rings also push and hold sideways; zero for a free one. Arguments as for
+    /// [`System::forces`], of whose `on_target` this is a part.
+    #[must_use]
+    pub fn latch_forces(
+        &self,
+        m: &Measured,
+        state: &MechanismState,
+        com: &[DVec3; 3],
+        twist: &[Twist; 3],
+    ) -> [DVec3; 3] {
+        let Some(l) = &self.mechanism.latches else { return [DVec3::ZERO; 3] };
+        let about = m.poses.x_wr.p;
+        let at =
+            |i: usize| Twist { v: twist[i].v + twist[i].w.cross(about - com[i]), w: twist[i].w };
+        core::array::from_fn(|i| match &state.joint {
+            Some(j) => {
+                let rate = striker_rate(m, m.latches[i].striker_r, at(RING), at(TARGET));
+                m.poses.x_wr.q.conjugate() * joined_force(l, j, m, i, rate)
+            }
+            None if state.latches[i].phase == LatchPhase::Latched => {
+                DVec3::X * hold_n(l, &m.latches[i])
+            }
+            None => DVec3::ZERO,
+        })
     }
 
     /// Stored energy at the measured positions, J.
@@ -591,6 +614,19 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
     if latch.phase != LatchPhase::Latched {
         latch.phase = reached;
     }
+}
+
+/// Pull of a caught latch along X of `r3`, N, ≤ 0.
+fn hold_n(l: &LatchSet, gap: &LatchGap) -> f64 {
+    let over = (gap.axial_m - l.catch_gap_m).max(0.0);
+    -l.hold_stiffness_n_m * over
+}
+
+/// Force of latch `i` of joined rings on the target, world axes, N; `rate` is that of its striker.
+fn joined_force(l: &LatchSet, j: &Joint, m: &Measured, i: usize, rate: DVec3) -> DVec3 {
+    let k = l.joined_stiffness_n_m / 3.0;
+    let stretch = m.latches[i].striker_r - j.anchor[i];
+    m.poses.x_wr.q * (j.preload[i] - stretch * k) - rate * l.joined_damping_n_s_m
 }
 
 /// Velocity of the target's material at a striker (m, `r3`) against the ring's, world axes, m/s; `r`

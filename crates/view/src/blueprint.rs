@@ -3,6 +3,7 @@
 //! Written archetype by archetype: the builder of rerun 0.36 (`rerun::blueprint`) has no way to give
 //! a 3-D view its eye, its background or its grid.
 
+use docktwin_core::StateHasher;
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint,
@@ -29,6 +30,8 @@ enum Node {
         class: &'static str,
         name: &'static str,
         origin: &'static str,
+        /// What of the origin is not shown.
+        without: Vec<&'static str>,
         properties: Vec<(&'static str, Box<dyn AsComponents>)>,
     },
     Container {
@@ -49,6 +52,7 @@ fn plot(name: &'static str, origin: &'static str, legend: PlotLegend) -> Node {
         class: "TimeSeries",
         name,
         origin,
+        without: vec![],
         properties: vec![
             ("PlotLegend", Box::new(legend)),
             ("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal))),
@@ -64,11 +68,13 @@ fn row(children: Vec<Node>) -> Node {
     Node::Container { kind: ContainerKind::Horizontal, name: "", shares: vec![], children }
 }
 
-fn layout(eye: &Eye) -> Node {
-    let scene = Node::View {
+/// A 3-D view of the scene.
+fn scene(name: &'static str, eye: &Eye, without: Vec<&'static str>) -> Node {
+    Node::View {
         class: "3D",
-        name: "Mechanism, seen from the chaser's port e3",
+        name,
         origin: paths::SCENE,
+        without,
         properties: vec![
             (
                 "EyeControls3D",
@@ -88,65 +94,108 @@ fn layout(eye: &Eye) -> Node {
             (TARGET_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),
             ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
         ],
-    };
+    }
+}
+
+fn text(name: &'static str, origin: &'static str) -> Node {
+    Node::View { class: "TextDocument", name, origin, without: vec![], properties: vec![] }
+}
+
+/// What the layout depends on.
+pub(crate) struct Look {
+    /// From the side.
+    pub(crate) eye: Eye,
+    /// Along the docking axis.
+    pub(crate) face_on: Eye,
+    /// Whether two runs are shown.
+    pub(crate) compared: bool,
+}
+
+fn layout(look: &Look) -> Node {
+    let oblique =
+        scene("Mechanism, seen from the chaser's port e3", &look.eye, vec!["/scene/face/**"]);
+    let face_on = scene(
+        "Along the docking axis, from the chaser",
+        &look.face_on,
+        vec![
+            "/scene/labels/**",
+            "/scene/legend/**",
+            "/scene/chaser/**",
+            "/scene/attenuator_legs/**",
+            "/scene/target/hull/**",
+        ],
+    );
     let log = Node::View {
         class: "TextLog",
         name: "Events",
         origin: paths::EVENTS,
+        without: vec![],
         properties: vec![(
             "TextLogColumns",
             Box::new(
                 TextLogColumns::new()
                     .with_timeline_columns([TimelineColumn(bp_datatypes::TimelineColumn {
                         timeline: paths::TIMELINE.into(),
-                        visible: true.into(),
+                        // Every text begins with its time.
+                        visible: false.into(),
                     })])
-                    .with_text_log_columns([
-                        text_log_column(bp_datatypes::TextLogColumnKind::LogLevel),
-                        text_log_column(bp_datatypes::TextLogColumnKind::Body),
-                    ]),
+                    .with_text_log_columns([text_log_column(
+                        bp_datatypes::TextLogColumnKind::Body,
+                    )]),
             ),
         )],
     };
-    let table = Node::View {
-        class: "TextDocument",
-        name: "Contacts",
-        origin: paths::TABLE,
-        properties: vec![],
+    let table = if look.compared {
+        tabs(vec![text("Contacts of A", paths::TABLE), text("Contacts of B", paths::GHOST_TABLE)])
+    } else {
+        text("Contacts", paths::TABLE)
     };
     let latches = Node::View {
         class: "StateTimeline",
         name: "Latch states",
         origin: paths::LATCH_STATES,
+        without: vec![],
         properties: vec![("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal)))],
     };
     Node::Container {
         kind: ContainerKind::Horizontal,
         name: "docktwin",
-        shares: vec![5.0, 4.0],
+        shares: vec![3.0, 2.0],
         children: vec![
             Node::Container {
                 kind: ContainerKind::Vertical,
                 name: "",
-                shares: vec![7.0, 3.0],
+                shares: vec![11.0, 9.0],
                 children: vec![
-                    scene,
+                    oblique,
                     Node::Container {
                         kind: ContainerKind::Horizontal,
                         name: "",
-                        shares: vec![3.0, 2.0],
-                        children: vec![table, log],
+                        shares: vec![1.0, 1.0],
+                        children: vec![
+                            face_on,
+                            Node::Container {
+                                kind: ContainerKind::Vertical,
+                                name: "",
+                                shares: vec![3.0, 2.0],
+                                children: vec![table, log],
+                            },
+                        ],
                     },
                 ],
             },
             Node::Container {
                 kind: ContainerKind::Vertical,
                 name: "",
-                shares: vec![1.5, 1.1, 1.1, 1.4, 1.3],
+                shares: vec![1.2, 1.1, 1.0, 1.0, 1.5, 1.2],
                 children: vec![
                     row(vec![
                         axes_plot("Force at e3, N (white: Σ contact)", paths::PORT_FORCE),
                         axes_plot("Moment at e3, N·m", paths::PORT_MOMENT),
+                    ]),
+                    row(vec![
+                        plot("Gap of petals A1 A2 A3, mm", paths::GAP_ACTIVE, legend()),
+                        plot("Gap of petals P1' P2' P3', mm", paths::GAP_PASSIVE, legend()),
                     ]),
                     row(vec![
                         tabs(vec![
@@ -181,10 +230,13 @@ fn text_log_column(kind: bp_datatypes::TextLogColumnKind) -> TextLogColumn {
     TextLogColumn(bp_datatypes::TextLogColumn { kind, visible: true.into() })
 }
 
-/// Names the parts of the layout; they need to be different only from each other.
-fn uuid(number: u32) -> (String, [u8; 16]) {
-    let mut bytes = *b"docktwin-view\0\0\0";
-    bytes[12..].copy_from_slice(&number.to_be_bytes());
+/// Names a part of the layout by its place and what it is. The viewer keeps a user's last layout and
+/// the state of its views by these names: a view of another kind must not inherit one.
+fn uuid(number: u32, what: &str) -> (String, [u8; 16]) {
+    let mut h = StateHasher::new();
+    h.u64(number.into());
+    h.bytes(what.as_bytes());
+    let bytes = h.finish().0;
     let hex: String = bytes.iter().map(|b| format!("{b:02x}")).collect();
     let text = [&hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]].join("-");
     (text, bytes)
@@ -197,12 +249,19 @@ impl Node {
         rec: &RecordingStream,
         next: &mut u32,
     ) -> RecordingStreamResult<(String, [u8; 16])> {
-        let (id, bytes) = uuid(*next);
+        let (id, bytes) = match self {
+            Self::View { class, name, origin, .. } => {
+                uuid(*next, &format!("{class} {name} {origin}"))
+            }
+            Self::Container { kind, name, .. } => uuid(*next, &format!("{kind:?} {name}")),
+        };
         *next += 1;
         let path = match self {
-            Self::View { class, name, origin, properties } => {
+            Self::View { class, name, origin, without, properties } => {
                 let path = format!("view/{id}");
-                rec.log(format!("{path}/ViewContents"), &ViewContents::new(["$origin/**"]))?;
+                let mut shown = vec!["+ $origin/**".to_owned()];
+                shown.extend(without.iter().map(|w| format!("- {w}")));
+                rec.log(format!("{path}/ViewContents"), &ViewContents::new(shown))?;
                 rec.log(
                     path.as_str(),
                     &ViewBlueprint::new(*class).with_display_name(*name).with_space_origin(*origin),
@@ -240,7 +299,7 @@ impl Node {
 pub(crate) fn send(
     rec: &RecordingStream,
     application: &'static str,
-    eye: &Eye,
+    look: &Look,
 ) -> RecordingStreamResult<()> {
     let (blueprint, storage) = RecordingStreamBuilder::new(application)
         .recording_id(RecordingId::random())
@@ -248,7 +307,7 @@ pub(crate) fn send(
         .blueprint()
         .memory()?;
     blueprint.set_time_sequence("blueprint", 0);
-    let (_, root) = layout(eye).log(&blueprint, &mut 0)?;
+    let (_, root) = layout(look).log(&blueprint, &mut 0)?;
     blueprint.log(
         "viewport",
         &ViewportBlueprint::new()

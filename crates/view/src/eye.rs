@@ -2,7 +2,7 @@ use docktwin_core::DVec3;
 use docktwin_model::{DockingMechanism, SideGeometry};
 
 /// Tangent of half the viewer's vertical field of view (55°).
-const HALF_HEIGHT: f64 = 0.5206;
+pub(crate) const HALF_HEIGHT: f64 = 0.5206;
 
 /// The eye of the 3-D view, in `e3`.
 #[derive(Clone, Copy)]
@@ -28,11 +28,18 @@ impl Eye {
     /// From the side, and somewhat from the front and above, at the place where the rings meet.
     pub(crate) fn new(m: &DockingMechanism) -> Self {
         let target = DVec3::X * m.ring_rest_offset_m;
-        let position = target + DVec3::new(1.05, -1.95, 1.05) * reach(m);
+        let position = target + DVec3::new(1.15, -2.1, 1.12) * reach(m);
         let ahead = target - position;
         let right = ahead.cross(DVec3::Z).normalize_or(DVec3::X);
         let down = ahead.cross(right).normalize_or(DVec3::NEG_Z);
         Self { position, target, right, down }
+    }
+
+    /// From the chaser along the docking axis: +Y is to the left, +Z up.
+    pub(crate) fn face_on(m: &DockingMechanism) -> Self {
+        let target = DVec3::X * m.ring_rest_offset_m;
+        let position = target - DVec3::X * (2.75 * reach(m));
+        Self { position, target, right: DVec3::NEG_Y, down: DVec3::NEG_Z }
     }
 
     /// The point seen at `x` to the right of the middle and `y` below it, in half heights of the

@@ -10,11 +10,13 @@
 //! | --- | --- |
 //! | `scene/active_ring` | frame `r3`: ring and petals of the active side (orange), latches coloured by state (grey free, yellow approach, orange struck, green latched) |
 //! | `scene/target`, `…/passive_ring` | frames `e4` and `r4`: ring, petals and strikers of the passive side (blue) |
-//! | `scene/contacts/<class>/{point,normal,friction}` | present contacts, coloured by what touches: ring on ring yellow, petal on ring pink, petal on petal green, latch cyan; 0.5 m of arrow are 3 kN |
+//! | `scene/contacts/<class>/{point,normal,friction}` | present contacts, coloured by what touches: ring on ring yellow, petal on ring pink, petal on petal green, latch and joined rings cyan (along the axis, and thin across it); 0.5 m of arrow are 1 kN |
 //! | `scene/active_ring/peaks` | of every pair that touched before and does not now, its strongest contact, dimmed |
 //! | `scene/labels` | force and name of every pair that touches or touched, beside the mechanism as the camera first sees it |
+//! | `scene/face/labels` | force and name of what touches now, around the mechanism as seen along the docking axis |
+//! | `scene/ghost` | the other run of a comparison, in grey; its curves and table stand beside the first one's |
 //! | `scene/active_ring/trace` | where the active side was ever touched |
-//! | `port`, `relative`, `ring`, `energy`, `latch` | curves |
+//! | `port`, `relative`, `ring`, `energy`, `latch`, `petal_gap` | curves |
 //! | `contact_table` | now and peak force of every pair of surfaces |
 //! | `events` | what the run reported |
 //!
@@ -35,7 +37,15 @@ mod mesh;
 mod paths;
 mod scene;
 mod style;
+mod whole;
 mod writer;
+
+#[doc(hidden)]
+pub use whole::content;
+pub use whole::is_whole;
+
+/// Version of the viewer that recordings are written for.
+pub const VIEWER_VERSION: &str = "0.36.3";
 
 pub use error::ViewError;
 pub use writer::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter};

@@ -16,6 +16,8 @@ pub(crate) const LEGS: &str = "scene/attenuator_legs";
 pub(crate) const CONTACTS: &str = "scene/contacts";
 pub(crate) const LABELS: &str = "scene/labels";
 pub(crate) const LEGEND: &str = "scene/legend";
+/// Labels of the view along the docking axis.
+pub(crate) const FACE_LABELS: &str = "scene/face/labels";
 
 pub(crate) const PORT_FORCE: &str = "port/force";
 pub(crate) const PORT_MOMENT: &str = "port/moment";
@@ -27,9 +29,26 @@ pub(crate) const RING_DEFLECTION: &str = "ring/deflection";
 pub(crate) const RING_TILT: &str = "ring/tilt";
 pub(crate) const ENERGY: &str = "energy";
 pub(crate) const LATCH_GAP: &str = "latch/gap";
+pub(crate) const GAP_ACTIVE: &str = "petal_gap/active";
+pub(crate) const GAP_PASSIVE: &str = "petal_gap/passive";
 pub(crate) const LATCH_STATES: &str = "latch_state";
 pub(crate) const EVENTS: &str = "events";
 pub(crate) const TABLE: &str = "contact_table";
+/// Table of the run that is drawn as a ghost.
+pub(crate) const GHOST_TABLE: &str = "ghost_contact_table";
+
+/// Where the ghost keeps what the run in the foreground keeps at `path`: below it, so that both
+/// share a plot; its table has a view of its own.
+pub(crate) fn of_ghost(path: &str) -> String {
+    match path.strip_prefix(SCENE) {
+        Some(rest) => format!("{SCENE}/ghost{rest}"),
+        None if path == TABLE => GHOST_TABLE.to_owned(),
+        None => match path.strip_prefix(LATCH_STATES) {
+            Some(rest) => format!("{LATCH_STATES}/ghost{rest}"),
+            None => format!("{path}/ghost"),
+        },
+    }
+}
 
 /// State of latch `i`, counted from 0 and named from 1.
 pub(crate) fn latch_state(i: usize) -> String {

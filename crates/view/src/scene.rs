@@ -66,8 +66,8 @@ fn log_side(
     path: &str,
     side: &SideGeometry,
     colour: u32,
+    glass: u32,
 ) -> RecordingStreamResult<()> {
-    let glass = style::faded(colour, style::GLASS);
     log_mesh(rec, &format!("{path}/ring"), Mesh::torus(&side.ring), glass)?;
     log_edges(rec, &format!("{path}/ring/edges"), torus_edges(&side.ring), colour)?;
     if let Some(petals) = &side.petals {
@@ -112,6 +112,29 @@ fn petal_edge(g: &PetalGeometry, i: u32) -> Vec<[f32; 3]> {
     base.chain(tip).chain([g.ruling(i, -1.0)[0]]).map(f32x3).collect()
 }
 
+/// Short names of the petals, "A1" and "P1'", at their middles.
+fn log_petal_names(
+    rec: &RecordingStream,
+    path: &str,
+    side: &SideGeometry,
+    name: impl Fn(u32) -> String,
+    colour: u32,
+) -> RecordingStreamResult<()> {
+    let Some(g) = &side.petals else { return Ok(()) };
+    let middle = |i| {
+        let [base, tip] = g.ruling(i, 0.0);
+        f32x3(base.lerp(tip, 0.6))
+    };
+    rec.log_static(
+        format!("{path}/petal_names"),
+        &Points3D::new((0..g.count).map(middle))
+            .with_radii([Radius::new_ui_points(0.0)])
+            .with_colors([colour])
+            .with_labels((0..g.count).map(name))
+            .with_show_labels(true),
+    )
+}
+
 /// Points of the latches on the face of the active ring, in `r3`, m.
 pub(crate) fn latch_points(m: &DockingMechanism) -> Option<[DVec3; 3]> {
     m.latches.as_ref().map(|l| {
@@ -148,8 +171,12 @@ pub(crate) fn legs(m: &DockingMechanism) -> Vec<[DVec3; 2]> {
     }
 }
 
-/// Logs all that does not change.
-pub(crate) fn log_static(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingStreamResult<()> {
+/// Logs all that does not change. `compared` names the curves as those of run A.
+pub(crate) fn log_static(
+    rec: &RecordingStream,
+    s: &SceneModel<'_>,
+    compared: bool,
+) -> RecordingStreamResult<()> {
     let m = s.mechanism;
     rec.log_static(paths::SCENE, &ViewCoordinates::FLU())?;
 
@@ -161,16 +188,18 @@ pub(crate) fn log_static(rec: &RecordingStream, s: &SceneModel<'_>) -> Recording
         style::ACTIVE_HULL,
     )?;
     rec.log_static(format!("{}/port_e3", paths::CHASER), &TransformAxes3D::new(0.15))?;
-    log_side(rec, paths::ACTIVE, &m.active, style::ACTIVE)?;
+    let glass = |colour| style::faded(colour, style::GLASS);
+    log_side(rec, paths::ACTIVE, &m.active, style::ACTIVE, glass(style::ACTIVE))?;
+    log_petal_names(rec, paths::ACTIVE, &m.active, |i| format!("A{}", i + 1), style::ACTIVE)?;
 
     // The target's entity is its port frame e4; the hull behind it looks toward −X.
     let half_turn = Pose::new(DVec3::ZERO, HALF_TURN_Z);
     let hull_path = format!("{}/hull", paths::TARGET);
     rec.log_static(hull_path.as_str(), &transform(&half_turn))?;
     log_mesh(rec, &hull_path, hull(s.target, port_radius), style::PASSIVE_HULL)?;
-    let x_4r = Pose::from_translation(DVec3::X * -m.passive_ring_offset_m) * half_turn;
-    rec.log_static(paths::PASSIVE, &transform(&x_4r))?;
-    log_side(rec, paths::PASSIVE, &m.passive, style::PASSIVE)?;
+    rec.log_static(paths::PASSIVE, &transform(&passive_ring(m)))?;
+    log_side(rec, paths::PASSIVE, &m.passive, style::PASSIVE, glass(style::PASSIVE))?;
+    log_petal_names(rec, paths::PASSIVE, &m.passive, |i| format!("P{}'", i + 1), style::PASSIVE)?;
 
     if let (Some(points), Some(latches)) = (latch_points(m), m.latches.as_ref()) {
         rec.log_static(
@@ -194,33 +223,74 @@ pub(crate) fn log_static(rec: &RecordingStream, s: &SceneModel<'_>) -> Recording
                 .with_radii([Radius::new_scene_units(0.7 * style::LATCH_RADIUS_M)])
                 .with_colors([style::STRIKER]),
         )?;
-        for (i, _) in latches.azimuths_rad.iter().enumerate() {
-            rec.log_static(
-                paths::latch_state(i),
-                &StateConfiguration::new()
-                    .with_values(style::LATCH_NAMES)
-                    .with_labels(style::LATCH_NAMES)
-                    .with_colors(style::LATCH_COLOURS),
-            )?;
-        }
+        log_latch_lanes(rec, |path| path)?;
     }
-    log_legend(rec, s)?;
-    log_series(rec)
+    log_legend(rec, s, compared)?;
+    log_series(rec, |path| path.to_owned(), if compared { "A " } else { "" }, |c| c, 1.5)
+}
+
+/// The same for the run behind the other one: its mechanism in grey, its curves paler.
+pub(crate) fn log_ghost(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingStreamResult<()> {
+    let m = s.mechanism;
+    let glass = style::faded(style::GHOST, style::GHOST_GLASS);
+    let at = |path: &str| paths::of_ghost(path);
+    log_side(rec, &at(paths::ACTIVE), &m.active, style::GHOST_EDGES, glass)?;
+    rec.log_static(at(paths::PASSIVE), &transform(&passive_ring(m)))?;
+    log_side(rec, &at(paths::PASSIVE), &m.passive, style::GHOST_EDGES, glass)?;
+    if m.latches.is_some() {
+        log_latch_lanes(rec, |path| paths::of_ghost(&path))?;
+    }
+    log_series(rec, at, "B ", style::ghostly, 1.0)
+}
+
+/// `X_4r4`.
+fn passive_ring(m: &DockingMechanism) -> Pose {
+    Pose::from_translation(DVec3::X * -m.passive_ring_offset_m)
+        * Pose::new(DVec3::ZERO, HALF_TURN_Z)
+}
+
+fn log_latch_lanes(
+    rec: &RecordingStream,
+    at: impl Fn(String) -> String,
+) -> RecordingStreamResult<()> {
+    for i in 0..3 {
+        rec.log_static(
+            at(paths::latch_state(i)),
+            &StateConfiguration::new()
+                .with_values(style::LATCH_NAMES)
+                .with_labels(style::LATCH_NAMES)
+                .with_colors(style::LATCH_COLOURS),
+        )?;
+    }
+    Ok(())
 }
 
 /// Scale and colours of the arrows. The scale is as far from the eye as the mechanism, so that it is
 /// as large as the forces; the classes are nearer, at the lower edge of the view.
-fn log_legend(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingStreamResult<()> {
+fn log_legend(
+    rec: &RecordingStream,
+    s: &SceneModel<'_>,
+    compared: bool,
+) -> RecordingStreamResult<()> {
     let m = s.mechanism;
     let eye = Eye::new(m);
     rec.log_static(
         format!("{}/force_scale", paths::LEGEND),
-        &Arrows3D::from_vectors([f32x3(DVec3::X * 3000.0 * style::METRES_PER_NEWTON)])
-            .with_origins([f32x3(eye.point([0.3, 0.62], 1.0))])
+        &Arrows3D::from_vectors([f32x3(eye.right() * 1000.0 * style::METRES_PER_NEWTON)])
+            .with_origins([f32x3(eye.point([0.55, 0.66], 1.0))])
             .with_radii([Radius::new_ui_points(3.0)])
             .with_colors([style::TEXT])
-            .with_labels(["scale: 3 kN"]),
+            .with_labels(["arrow of 1 kN"]),
     )?;
+    if compared {
+        rec.log_static(
+            format!("{}/ghost", paths::LEGEND),
+            &Points3D::new([f32x3(eye.point([0.0, -0.82], 0.4))])
+                .with_radii([Radius::new_ui_points(0.0)])
+                .with_colors([style::GHOST])
+                .with_labels(["grey: run B"]),
+        )?;
+    }
     rec.log_static(
         format!("{}/vehicles", paths::LEGEND),
         &Points3D::new([[-0.75, -0.92], [0.75, -0.92]].map(|at| f32x3(eye.point(at, 0.4))))
@@ -244,14 +314,20 @@ fn log_legend(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingStreamResul
     )
 }
 
-fn log_series(rec: &RecordingStream) -> RecordingStreamResult<()> {
+fn log_series(
+    rec: &RecordingStream,
+    at: impl Fn(&str) -> String,
+    prefix: &str,
+    shade: impl Fn(u32) -> u32,
+    width: f32,
+) -> RecordingStreamResult<()> {
     let log = |path: &str, names: &[&str], colours: &[u32]| {
         rec.log_static(
-            path,
+            at(path),
             &SeriesLines::new()
-                .with_names(names.iter().copied())
-                .with_colors(colours.iter().copied())
-                .with_widths(names.iter().map(|_| 1.5)),
+                .with_names(names.iter().map(|n| format!("{prefix}{n}")))
+                .with_colors(colours.iter().map(|c| shade(*c)))
+                .with_widths(names.iter().map(|_| width)),
         )
     };
     let [x, y, z] = style::AXES;
@@ -274,6 +350,8 @@ fn log_series(rec: &RecordingStream) -> RecordingStreamResult<()> {
             style::ACTIVE,
         ],
     )?;
+    log(paths::GAP_ACTIVE, &["A1", "A2", "A3"], &style::ACTIVE_PETALS)?;
+    log(paths::GAP_PASSIVE, &["P1'", "P2'", "P3'"], &style::PASSIVE_PETALS)?;
     log(
         paths::LATCH_GAP,
         &["latch 1", "latch 2", "latch 3"],

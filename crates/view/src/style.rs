@@ -1,7 +1,7 @@
 //! Colours, classes of contact and how forces are drawn.
 
-/// Arrows: metres per newton, so that 3 kN is 0.5 m.
-pub(crate) const METRES_PER_NEWTON: f64 = 0.5 / 3000.0;
+/// Arrows: metres per newton, so that 1 kN is 0.5 m.
+pub(crate) const METRES_PER_NEWTON: f64 = 0.5 / 1000.0;
 
 pub(crate) const ACTIVE: u32 = 0xF0_74_38_FF;
 pub(crate) const PASSIVE: u32 = 0x4C_90_F0_FF;
@@ -9,8 +9,12 @@ pub(crate) const PASSIVE: u32 = 0x4C_90_F0_FF;
 /// their faces are like glass.
 pub(crate) const GLASS: u8 = 0x24;
 /// Hulls let the mechanism shine through.
-pub(crate) const ACTIVE_HULL: u32 = 0x9A_84_6C_1C;
-pub(crate) const PASSIVE_HULL: u32 = 0x6C_80_9C_1C;
+pub(crate) const ACTIVE_HULL: u32 = 0x9A_84_6C_10;
+pub(crate) const PASSIVE_HULL: u32 = 0x6C_80_9C_10;
+/// The other run of a comparison: faces and edges.
+pub(crate) const GHOST: u32 = 0xB4_B8_C0_FF;
+pub(crate) const GHOST_GLASS: u8 = 0x14;
+pub(crate) const GHOST_EDGES: u32 = 0xB4_B8_C0_90;
 pub(crate) const LATCH_RADIUS_M: f32 = 0.026;
 pub(crate) const STRIKER: u32 = 0xC9_D6_E8_FF;
 pub(crate) const LEG: u32 = 0x8A_8F_98_70;
@@ -18,6 +22,11 @@ pub(crate) const TEXT: u32 = 0xE6_E9_EE_FF;
 
 /// Red, green, blue of the axes X, Y, Z; roll, pitch, yaw.
 pub(crate) const AXES: [u32; 3] = [0xF0_5A_5A_FF, 0x5A_D0_6A_FF, 0x6A_9C_FF_FF];
+
+/// Petals 1, 2, 3 of the active side in plots, shades of its colour.
+pub(crate) const ACTIVE_PETALS: [u32; 3] = [0xFF_B0_40_FF, 0xF0_74_38_FF, 0xD0_40_60_FF];
+/// Petals 1', 2', 3' of the passive side in plots.
+pub(crate) const PASSIVE_PETALS: [u32; 3] = [0x50_E0_FF_FF, 0x4C_90_F0_FF, 0xA0_78_FF_FF];
 
 /// Latch: free, approach, struck, latched.
 pub(crate) const LATCH_COLOURS: [u32; 4] =
@@ -89,6 +98,13 @@ pub(crate) fn paled(rgba: u32) -> u32 {
     let [r, g, b, a] = rgba.to_be_bytes();
     let pale = |c: u8| c / 2 + 127;
     u32::from_be_bytes([pale(r), pale(g), pale(b), a])
+}
+
+/// What the ghost of a comparison is drawn in: half grey, half the colour.
+pub(crate) fn ghostly(rgba: u32) -> u32 {
+    let mix = |c: u8, g: u8| c / 2 + g / 2;
+    let (c, g) = (rgba.to_be_bytes(), GHOST.to_be_bytes());
+    u32::from_be_bytes([mix(c[0], g[0]), mix(c[1], g[1]), mix(c[2], g[2]), c[3] / 4 * 3])
 }
 
 /// `640 N`, `1.91 kN`, `24.2 kN`.

@@ -7,7 +7,7 @@ use docktwin_model::{DockingMechanism, Spacecraft};
 use rerun::{Radius, RecordingStream, RecordingStreamBuilder};
 
 use crate::columns::{Arrows, Curves, Labels, Legs, Points, Poses, Texts};
-use crate::eye::Eye;
+use crate::eye::{Eye, HALF_HEIGHT, reach};
 use crate::mesh::f32x3;
 use crate::style::{self, PairClass};
 use crate::{ViewError, blueprint, paths, scene};
@@ -81,6 +81,13 @@ pub struct ContactArrow {
     pub depth_m: f64,
 }
 
+impl ContactArrow {
+    /// Size of the normal force, N.
+    fn force_n(&self) -> f64 {
+        self.normal_force_w_n.length()
+    }
+}
+
 /// Curves of one instant. A number that is not known may be NaN: it leaves a gap in its curve.
 /// Angles are roll, pitch, yaw in the x, y, z of a vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -105,8 +112,15 @@ pub struct Scalars {
     pub contact_normal_sum_n: f64,
     /// Energies since the start.
     pub energy: Energies,
+    /// Size of the force between the sides, N: contacts, latches, joined rings.
+    pub between_force_n: f64,
+    /// Size of the moment between the sides about the active ring's centre, N·m.
+    pub between_moment_nm: f64,
     /// Axial gap at each latch, m.
     pub latch_gap_m: [f64; 3],
+    /// Gap of each petal of the active and of the passive side to what is nearest on the other, m;
+    /// negative in contact.
+    pub petal_gap_m: [[f64; 3]; 2],
 }
 
 /// Energies by kind, J.
@@ -124,11 +138,44 @@ pub struct Energies {
     pub dissipated_attenuator_j: f64,
 }
 
+/// Which run of a recording a writer writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    /// The only one.
+    Alone,
+    /// A of a comparison.
+    First,
+    /// B of a comparison.
+    Ghost,
+}
+
+impl Part {
+    fn path(self, path: &str) -> String {
+        if self == Self::Ghost { paths::of_ghost(path) } else { path.to_owned() }
+    }
+
+    fn shade(self, colour: u32) -> u32 {
+        if self == Self::Ghost { style::ghostly(colour) } else { colour }
+    }
+
+    /// In front of texts that both runs put into one list.
+    fn prefix(self) -> &'static str {
+        match self {
+            Self::Alone => "",
+            Self::First => "A: ",
+            Self::Ghost => "B: ",
+        }
+    }
+}
+
 /// Writes the recording. What was not yet sent when a writer is dropped without
 /// [`finish`](Self::finish) is written as far as possible, its errors lost.
 pub struct SceneWriter {
     rec: RecordingStream,
     path: PathBuf,
+    part: Part,
+    /// Added to every time, ns.
+    shift: i64,
     /// `X_13`.
     x_chaser_port: Pose,
     /// `X_24`.
@@ -138,6 +185,9 @@ pub struct SceneWriter {
     pairs: Vec<Pair>,
     slots: Vec<Slot>,
     eye: Eye,
+    face: Eye,
+    /// Largest radius of the guiding surfaces, m.
+    reach: f64,
     shown_latches: Option<[u8; 3]>,
     summary: Summary,
     trace: Trace,
@@ -152,7 +202,7 @@ pub struct SceneWriter {
 struct Pair {
     name: String,
     class: PairClass,
-    /// Strongest place in this frame.
+    /// Strongest place in this tick, its point in `r3`.
     now_n: f64,
     now_depth_m: f64,
     now_point: DVec3,
@@ -210,6 +260,8 @@ struct Summary {
     written: Option<i64>,
     port_force: Load,
     port_moment: Load,
+    between_force: Load,
+    between_moment: Load,
 }
 
 /// Where the active side was touched, in `r3`, in segments so that a new point does not repeat all.
@@ -221,6 +273,7 @@ struct Trace {
     rows: Points,
     full: Vec<Points>,
     segment: usize,
+    grown: bool,
 }
 
 #[derive(Default)]
@@ -233,6 +286,7 @@ struct Rows {
     contacts: [ContactRows; 4],
     peaks: Arrows,
     labels: Labels,
+    face_labels: Labels,
     table: Texts,
     events: Texts,
     curves: [Curves; CURVES.len()],
@@ -265,7 +319,7 @@ impl Spots {
 }
 
 /// Plots, in the order of [`push_curves`].
-const CURVES: [&str; 10] = [
+const CURVES: [&str; 12] = [
     paths::PORT_FORCE,
     paths::PORT_MOMENT,
     paths::POSITION,
@@ -276,13 +330,16 @@ const CURVES: [&str; 10] = [
     paths::RING_TILT,
     paths::ENERGY,
     paths::LATCH_GAP,
+    paths::GAP_ACTIVE,
+    paths::GAP_PASSIVE,
 ];
 
 /// Values of the plots, in the order of [`CURVES`].
 fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars) {
     let f = s.port_force_n;
     let e = &s.energy;
-    let mm = s.latch_gap_m.map(|g| 1e3 * g);
+    let mm = |m: [f64; 3]| m.map(|g| 1e3 * g);
+    let (latches, petals) = (mm(s.latch_gap_m), s.petal_gap_m.map(mm));
     let energies = [
         e.kinetic_relative_j,
         e.stored_j,
@@ -300,7 +357,9 @@ fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars) {
         &s.ring_deflection_mm.to_array(),
         &s.ring_tilt_deg.to_array(),
         &energies,
-        &mm,
+        &latches,
+        &petals[0],
+        &petals[1],
     ];
     for (curve, v) in core::iter::zip(curves, values) {
         curve.push(time, v);
@@ -309,7 +368,7 @@ fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars) {
 
 impl SceneWriter {
     /// Starts the recording and writes all that does not change. `pair_names[i]` names pair `i` of
-    /// the contacts, as in "active ring · passive petal 2"; how often a name says "petal", and
+    /// the contacts, as in "active ring · passive petal 2'"; how often a name says "petal", and
     /// whether it says "latch", decides the colour. An existing file is replaced.
     ///
     /// # Errors
@@ -320,6 +379,44 @@ impl SceneWriter {
         scene: &SceneModel<'_>,
         pair_names: &[String],
     ) -> Result<Self, ViewError> {
+        Self::start(path, scene, pair_names, Part::Alone)
+    }
+
+    /// The same for run A of a comparison, whose run B is written by [`Self::ghost`].
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_compared(
+        path: &Path,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+    ) -> Result<Self, ViewError> {
+        Self::start(path, scene, pair_names, Part::First)
+    }
+
+    /// A writer for run B into the same recording: its mechanism in grey, its curves paler and
+    /// thinner than those of A, in the same plots. `shift_ns` is added to all its times. Finish it
+    /// before the writer of A.
+    ///
+    /// # Errors
+    /// [`ViewError::Encode`] when rerun refuses a part of the scene.
+    pub fn ghost(
+        &self,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+        shift_ns: i64,
+    ) -> Result<Self, ViewError> {
+        scene::log_ghost(&self.rec, scene).map_err(|e| ViewError::encode(paths::SCENE, e))?;
+        let rec = self.rec.clone();
+        Ok(Self::with(rec, self.path.clone(), scene, pair_names, Part::Ghost, shift_ns))
+    }
+
+    fn start(
+        path: &Path,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+        part: Part,
+    ) -> Result<Self, ViewError> {
         let create = |source| ViewError::Create { path: path.to_owned(), source: Box::new(source) };
         // Without `enabled` a variable of the environment could silently switch the recording off.
         let rec = RecordingStreamBuilder::new(APPLICATION)
@@ -328,9 +425,23 @@ impl SceneWriter {
             .save(path)
             .map_err(create)?;
         let m = scene.mechanism;
+        let compared = part == Part::First;
+        let look = blueprint::Look { eye: Eye::new(m), face_on: Eye::face_on(m), compared };
+        blueprint::send(&rec, APPLICATION, &look).map_err(|e| ViewError::encode("blueprint", e))?;
+        scene::log_static(&rec, scene, compared).map_err(|e| ViewError::encode(paths::SCENE, e))?;
+        Ok(Self::with(rec, path.to_owned(), scene, pair_names, part, 0))
+    }
+
+    fn with(
+        rec: RecordingStream,
+        path: PathBuf,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+        part: Part,
+        shift: i64,
+    ) -> Self {
+        let m = scene.mechanism;
         let eye = Eye::new(m);
-        blueprint::send(&rec, APPLICATION, &eye).map_err(|e| ViewError::encode("blueprint", e))?;
-        scene::log_static(&rec, scene).map_err(|e| ViewError::encode(paths::SCENE, e))?;
         let pairs = pair_names.iter().map(|name| Pair {
             name: name.clone(),
             class: PairClass::of_name(name),
@@ -341,16 +452,21 @@ impl SceneWriter {
             peak: None,
             slot: None,
         });
-        Ok(Self {
+        let ghost = part == Part::Ghost;
+        Self {
             rec,
-            path: path.to_owned(),
+            path,
+            part,
+            shift,
             x_chaser_port: scene.chaser.x_body_port,
             x_target_port: scene.target.x_body_port,
-            legs: scene::legs(m),
+            legs: if ghost { vec![] } else { scene::legs(m) },
             latch_points: scene::latch_points(m).map(|p| p.map(f32x3)),
             pairs: pairs.collect(),
             slots: slots(&eye),
             eye,
+            face: Eye::face_on(m),
+            reach: reach(m),
             shown_latches: None,
             summary: Summary { due: true, ..Summary::default() },
             trace: Trace::default(),
@@ -358,7 +474,21 @@ impl SceneWriter {
             frames: 0,
             last: 0,
             x_3r: Pose::IDENTITY,
-        })
+        }
+    }
+
+    /// Takes in an instant that is not drawn, so that peaks and the trace of contacts are those of
+    /// every tick and not of the frames alone. Of the curves only the forces count. [`Self::frame`]
+    /// does this too.
+    ///
+    /// # Errors
+    /// As [`Self::frame`].
+    pub fn tick(&mut self, f: &Frame<'_>) -> Result<(), ViewError> {
+        let time = self.check(f)?;
+        let x_wr = f.x_world_ring;
+        self.observe(time, f.contacts, &x_wr.inverse());
+        self.loads(time, f.scalars);
+        Ok(())
     }
 
     /// Records one instant.
@@ -379,13 +509,22 @@ impl SceneWriter {
             self.rows.legs.push(time, ends);
         }
         self.latches(time, f.latches);
-        self.contacts(time, f.contacts, &x_3w, &x_3r);
-        self.summary.port_force.set(time, f.scalars.port_force_n.length());
-        self.summary.port_moment.set(time, f.scalars.port_moment_nm.length());
+        self.observe(time, f.contacts, &f.x_world_ring.inverse());
+        self.trace.end_row(time);
+        self.contacts(time, f.contacts, &x_3w);
+        self.loads(time, f.scalars);
         self.summarise(time, &x_3r, false);
         push_curves(&mut self.rows.curves, time, f.scalars);
         self.frames += 1;
         if self.frames >= BATCH { self.send() } else { Ok(()) }
+    }
+
+    fn loads(&mut self, time: i64, s: &Scalars) {
+        let l = &mut self.summary;
+        l.port_force.set(time, s.port_force_n.length());
+        l.port_moment.set(time, s.port_moment_nm.length());
+        l.between_force.set(time, s.between_force_n);
+        l.between_moment.set(time, s.between_moment_nm);
     }
 
     /// Records an event; `kind` is shown in a column of its own ("contact", "latch", "outcome").
@@ -393,10 +532,18 @@ impl SceneWriter {
     /// # Errors
     /// [`ViewError::Frame`] when the time is beyond what the viewer can show (292 years).
     pub fn event(&mut self, time: SimTime, kind: &str, text: &str) -> Result<(), ViewError> {
-        let nanos = nanos(time).map_err(|p| frame_error(time, vec![p]))?;
+        let nanos = self.nanos(time).map_err(|p| frame_error(time, vec![p]))?;
         self.last = self.last.max(nanos);
-        self.rows.events.push(nanos, kind, text.to_owned());
+        self.rows.events.push(nanos, kind, format!("{}{text}", self.part.prefix()));
         Ok(())
+    }
+
+    /// Time in the recording, ns.
+    fn nanos(&self, time: SimTime) -> Result<i64, String> {
+        let shifted = i64::try_from(time.nanos()).ok().and_then(|t| t.checked_add(self.shift));
+        shifted.ok_or_else(|| {
+            format!("time: {} ns, the viewer shows up to {} ns", time.nanos(), i64::MAX)
+        })
     }
 
     /// Writes what is left and closes the file.
@@ -411,6 +558,9 @@ impl SceneWriter {
         self.rec
             .flush_blocking()
             .map_err(|e| ViewError::Write { path: self.path.clone(), message: e.to_string() })?;
+        if self.part == Part::Ghost {
+            return Ok(());
+        }
         // Puts the table of contents at the end of the file and closes it.
         self.rec.finalize_deferred_sinks();
         Ok(())
@@ -418,7 +568,7 @@ impl SceneWriter {
 
     /// Time of the frame in ns, if all of it can be drawn.
     fn check(&self, f: &Frame<'_>) -> Result<i64, ViewError> {
-        let time = nanos(f.time);
+        let time = self.nanos(f.time);
         let mut problems: Vec<String> = time.as_ref().err().cloned().into_iter().collect();
         for (name, pose) in [
             ("x_world_chaser", &f.x_world_chaser),
@@ -466,8 +616,10 @@ impl SceneWriter {
         if before == Some(states) {
             return;
         }
-        let colours = states.map(|s| style::LATCH_COLOURS[usize::from(s)]);
-        self.rows.latches.push(time, &points, &colours);
+        if self.part != Part::Ghost {
+            let colours = states.map(|s| style::LATCH_COLOURS[usize::from(s)]);
+            self.rows.latches.push(time, &points, &colours);
+        }
         for (i, state) in states.into_iter().enumerate() {
             if before.map(|b| b[i]) != Some(state) {
                 let name = style::LATCH_NAMES[usize::from(state)];
@@ -476,43 +628,47 @@ impl SceneWriter {
         }
     }
 
-    /// Contact points, arrows, peaks and trace.
-    fn contacts(&mut self, time: i64, contacts: &[ContactArrow], x_3w: &Pose, x_3r: &Pose) {
+    /// What touches now, its peaks, and the trace.
+    fn observe(&mut self, time: i64, contacts: &[ContactArrow], x_rw: &Pose) {
         for pair in &mut self.pairs {
             (pair.now_n, pair.now_depth_m, pair.places) = (0.0, 0.0, 0);
         }
-        let q_r3 = x_3r.q.conjugate();
-        let mut traced = false;
         for c in contacts {
             let pair = &mut self.pairs[c.pair];
+            let size = c.force_n();
+            let point_r = x_rw.transform_point(c.point_w_m);
+            pair.places += 1;
+            if size >= pair.now_n {
+                (pair.now_n, pair.now_depth_m) = (size, c.depth_m);
+                pair.now_point = point_r;
+            }
+            if pair.peak.is_none_or(|p| size > p.force_n) {
+                let force = x_rw.q * c.normal_force_w_n;
+                pair.peak = Some(Peak { force_n: size, time, point: point_r, force });
+            }
+            if pair.class != PairClass::Latch {
+                self.trace.add(point_r, self.part.shade(pair.class.colour()));
+            }
+        }
+    }
+
+    /// Contact points and arrows.
+    fn contacts(&mut self, time: i64, contacts: &[ContactArrow], x_3w: &Pose) {
+        for c in contacts {
+            let class = self.pairs[c.pair].class;
+            let colour = self.part.shade(class.colour());
             let point = x_3w.transform_point(c.point_w_m);
             let normal = x_3w.q * c.normal_force_w_n;
             let friction = x_3w.q * c.friction_w_n;
-            let size = normal.length();
-            let point_r = x_3r.inverse_transform_point(point);
-            pair.places += 1;
-            if size >= pair.now_n {
-                (pair.now_n, pair.now_depth_m, pair.now_point) = (size, c.depth_m, point);
-            }
-            if pair.peak.is_none_or(|p| size > p.force_n) {
-                let force = q_r3 * normal;
-                pair.peak = Some(Peak { force_n: size, time, point: point_r, force });
-            }
-
-            let colour = pair.class.colour();
-            let rows = &mut self.rows.contacts[pair.class as usize];
+            let rows = &mut self.rows.contacts[class as usize];
             rows.points.positions.push(f32x3(point));
             rows.normal.add(point, normal * style::METRES_PER_NEWTON, colour);
             if friction.length() >= FRICTION_FROM_N {
                 rows.friction.add(point, friction * style::METRES_PER_NEWTON, style::paled(colour));
             }
-            traced |= self.trace.add(point_r, colour);
-        }
-        if traced {
-            self.trace.end_row(time);
         }
         for (class, rows) in core::iter::zip(PairClass::ALL, &mut self.rows.contacts) {
-            rows.points.end_row(time, class.colour());
+            rows.points.end_row(time, self.part.shade(class.colour()));
             rows.normal.end_row(time);
             rows.friction.end_row(time);
         }
@@ -524,7 +680,9 @@ impl SceneWriter {
         let touching: BTreeSet<usize> =
             (0..self.pairs.len()).filter(|i| self.pairs[*i].places > 0).collect();
         let s = &mut self.summary;
-        s.due |= !touching.is_empty() || s.touching != touching;
+        // Caught latches push for the rest of the run: they alone are no reason to hurry.
+        let busy = touching.iter().any(|i| self.pairs[*i].class != PairClass::Latch);
+        s.due |= busy || s.touching != touching;
         let wait = match (end, s.due) {
             (true, _) => 1,
             (_, true) => SUMMARY_PERIOD_NS,
@@ -534,62 +692,81 @@ impl SceneWriter {
             return;
         }
         (s.touching, s.due, s.written) = (touching, false, Some(time));
-
-        for pair in self.pairs.iter_mut().filter(|p| p.places > 0 && p.slot.is_none()) {
-            pair.slot = take_slot(&mut self.slots, self.eye.seen_at(pair.now_point));
+        if self.part != Part::Ghost {
+            self.label(time, x_3r);
         }
+
+        let mut order: Vec<&Pair> = self.pairs.iter().filter(|p| p.peak.is_some()).collect();
+        // What pushes now comes first, then what has pushed most.
+        let key = |p: &Pair| (p.now_n, p.peak.map_or(0.0, |k| k.force_n));
+        order.sort_by(|a, b| {
+            let ((a, a_peak), (b, b_peak)) = (key(a), key(b));
+            b.total_cmp(&a).then(b_peak.total_cmp(&a_peak))
+        });
+        self.rows.table.push(time, "", table(time, &order, &self.summary));
+    }
+
+    /// Peaks of pairs that do not touch now, and the labels of both views.
+    fn label(&mut self, time: i64, x_3r: &Pose) {
+        for pair in self.pairs.iter_mut().filter(|p| p.places > 0 && p.slot.is_none()) {
+            let at = self.eye.seen_at(x_3r.transform_point(pair.now_point));
+            pair.slot = take_slot(&mut self.slots, at);
+        }
+        let mut around = Around::new(self.face, self.reach);
         for pair in &self.pairs {
             let Some(peak) = pair.peak else { continue };
             let colour = pair.class.colour();
+            let name = short(&pair.name);
             let (text, point, shade) = if pair.places > 0 {
-                (style::newtons(pair.now_n), pair.now_point, colour)
+                let point = x_3r.transform_point(pair.now_point);
+                let text = format!("{}  {name}", style::newtons(pair.now_n));
+                self.rows.face_labels.add(text.clone(), around.place(point), point, colour);
+                (text, point, colour)
             } else {
                 let shade = style::faded(colour, 0x90);
                 let arrow = peak.force * style::METRES_PER_NEWTON;
                 self.rows.peaks.add(peak.point, arrow, shade);
-                let text = format!("peak {}", style::newtons(peak.force_n));
+                let text = format!("peak was {}  {name}", style::newtons(peak.force_n));
                 (text, x_3r.transform_point(peak.point), shade)
             };
             if let Some(slot) = pair.slot {
-                let text = format!("{text}  {}", short(&pair.name));
                 self.rows.labels.add(text, self.slots[slot].point, point, shade);
             }
         }
         self.rows.peaks.end_row(time);
         self.rows.labels.end_row(time);
-
-        let mut order: Vec<&Pair> = self.pairs.iter().filter(|p| p.peak.is_some()).collect();
-        let peak = |p: &Pair| p.peak.map_or(0.0, |k| k.force_n);
-        order.sort_by(|a, b| peak(b).total_cmp(&peak(a)));
-        self.rows.table.push(time, "", table(time, &order, &self.summary));
+        self.rows.face_labels.end_row(time);
     }
 
     /// Sends what was gathered.
     fn send(&mut self) -> Result<(), ViewError> {
         self.frames = 0;
-        let (rec, rows) = (&self.rec, &mut self.rows);
-        rows.target.send(rec, paths::TARGET)?;
-        rows.ring.send(rec, paths::ACTIVE)?;
-        rows.legs.send(rec, paths::LEGS, style::LEG)?;
-        rows.latches.send(rec, paths::LATCHES, Radius::new_scene_units(style::LATCH_RADIUS_M))?;
+        let (rec, rows, part) = (&self.rec, &mut self.rows, self.part);
+        let at = |path: &str| part.path(path);
+        rows.target.send(rec, &at(paths::TARGET))?;
+        rows.ring.send(rec, &at(paths::ACTIVE))?;
+        rows.legs.send(rec, &at(paths::LEGS), style::LEG)?;
+        let latch = Radius::new_scene_units(style::LATCH_RADIUS_M);
+        rows.latches.send(rec, &at(paths::LATCHES), latch)?;
         for (i, states) in rows.latch_states.iter_mut().enumerate() {
-            states.send_states(rec, &paths::latch_state(i))?;
+            states.send_states(rec, &at(&paths::latch_state(i)))?;
         }
         for (class, c) in core::iter::zip(PairClass::ALL, &mut rows.contacts) {
-            let path = format!("{}/{}", paths::CONTACTS, class.key());
+            let path = at(&format!("{}/{}", paths::CONTACTS, class.key()));
             let radius = Radius::new_scene_units(0.013);
             c.points.rows.send(rec, &format!("{path}/point"), radius)?;
             c.normal.send(rec, &format!("{path}/normal"), 5.0)?;
             c.friction.send(rec, &format!("{path}/friction"), 2.5)?;
         }
-        rows.peaks.send(rec, paths::PEAKS, 3.0)?;
-        rows.labels.send(rec, paths::LABELS)?;
-        rows.table.send_markdown(rec, paths::TABLE)?;
-        rows.events.send_log(rec, paths::EVENTS)?;
+        rows.peaks.send(rec, &at(paths::PEAKS), 3.0)?;
+        rows.labels.send(rec, &at(paths::LABELS))?;
+        rows.face_labels.send(rec, &at(paths::FACE_LABELS))?;
+        rows.table.send_markdown(rec, &at(paths::TABLE))?;
+        rows.events.send_log(rec, &at(paths::EVENTS))?;
         for (curve, path) in core::iter::zip(&mut rows.curves, CURVES) {
-            curve.send(rec, path)?;
+            curve.send(rec, &at(path))?;
         }
-        self.trace.send(rec)
+        self.trace.send(rec, &at(paths::TRACE))
     }
 }
 
@@ -601,18 +778,21 @@ impl Drop for SceneWriter {
 }
 
 impl Trace {
-    /// Adds a point in `r3`; false when there is one of that colour nearby.
-    fn add(&mut self, point: DVec3, colour: u32) -> bool {
+    /// Adds a point in `r3`, unless there is one of that colour nearby.
+    fn add(&mut self, point: DVec3, colour: u32) {
         let cell = (point / TRACE_CELL_M).round().to_array().map(|x| x as i64);
-        if !self.cells.insert((cell, colour)) {
-            return false;
+        if self.cells.insert((cell, colour)) {
+            self.positions.push(f32x3(point));
+            self.colours.push(colour);
+            self.grown = true;
         }
-        self.positions.push(f32x3(point));
-        self.colours.push(colour);
-        true
     }
 
+    /// Writes the points at the next frame, if some were added.
     fn end_row(&mut self, time: i64) {
+        if !core::mem::take(&mut self.grown) {
+            return;
+        }
         self.rows.push(time, &self.positions, &self.colours);
         if self.positions.len() >= TRACE_SEGMENT {
             self.positions.clear();
@@ -621,14 +801,49 @@ impl Trace {
         }
     }
 
-    fn send(&mut self, rec: &RecordingStream) -> Result<(), ViewError> {
-        let path = |segment| format!("{}/{segment:03}", paths::TRACE);
+    fn send(&mut self, rec: &RecordingStream, path: &str) -> Result<(), ViewError> {
+        let path = |segment| format!("{path}/{segment:03}");
         let radius = Radius::new_scene_units(0.004);
         for mut rows in self.full.drain(..) {
             rows.send(rec, &path(self.segment), radius)?;
             self.segment += 1;
         }
         self.rows.send(rec, &path(self.segment), radius)
+    }
+}
+
+/// Places for labels around the mechanism in the view along the axis, each at the azimuth of what it
+/// speaks of, none over another.
+struct Around {
+    eye: Eye,
+    /// m.
+    reach: f64,
+    taken: Vec<[f64; 2]>,
+}
+
+impl Around {
+    fn new(eye: Eye, reach: f64) -> Self {
+        Self { eye, reach, taken: Vec::new() }
+    }
+
+    /// Point for the label of `point`, in `e3`, m.
+    fn place(&mut self, point: DVec3) -> DVec3 {
+        // A label is about so large in half heights of the view.
+        const WIDTH: f64 = 0.62;
+        const HEIGHT: f64 = 0.11;
+        let [x, y] = self.eye.seen_at(point);
+        let (sin, cos) = f64::atan2(y, x).sin_cos();
+        let radius = self.reach / (HALF_HEIGHT * (self.eye.target - self.eye.position).length());
+        let (x, mut y) = (cos * (radius + 0.16), sin * (radius + 0.16));
+        let step = if y > 0.0 { -HEIGHT } else { HEIGHT };
+        let hit = |x: f64, y: f64, t: &[f64; 2]| {
+            (t[0] - x).abs() < WIDTH && (t[1] - y).abs() < 0.95 * HEIGHT
+        };
+        while self.taken.iter().any(|t| hit(x, y, t)) {
+            y += step;
+        }
+        self.taken.push([x, y]);
+        self.eye.point([x, y], 1.0)
     }
 }
 
@@ -641,66 +856,88 @@ fn take_slot(slots: &mut [Slot], [x, y]: [f64; 2]) -> Option<usize> {
     Some(i)
 }
 
-fn nanos(time: SimTime) -> Result<i64, String> {
-    i64::try_from(time.nanos())
-        .map_err(|_| format!("time: {} ns, the viewer shows up to {} ns", time.nanos(), i64::MAX))
-}
-
 fn frame_error(time: SimTime, problems: Vec<String>) -> ViewError {
     ViewError::Frame { time_s: time.seconds(), problems }
 }
 
-/// "A ring · P petal 2": short enough for a label in the scene.
+/// "A1 · P ring": short enough for a label in the scene; petals have these names there.
 fn short(name: &str) -> String {
-    name.replace("active ", "A ").replace("passive ", "P ")
+    [("petal ", ""), ("active ring", "A ring"), ("passive ring", "P ring")]
+        .iter()
+        .fold(name.to_owned(), |n, (long, short)| n.replace(long, short))
+        .replace("active ", "A")
+        .replace("passive ", "P")
 }
 
 fn seconds(time: i64) -> f64 {
-    SimTime::from_nanos(time.unsigned_abs()).seconds()
+    let size = SimTime::from_nanos(time.unsigned_abs()).seconds();
+    if time < 0 { -size } else { size }
 }
 
 /// Markdown: loads at the port and every pair that ever touched, the strongest first.
 fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
-    let touching = order.iter().filter(|p| p.places > 0).count();
-    let touch = match touching {
+    let count = |latch: bool| {
+        let of_kind = |p: &&&Pair| p.places > 0 && (p.class == PairClass::Latch) == latch;
+        order.iter().filter(of_kind).count()
+    };
+    let mut touch = match count(false) {
         0 => "no surfaces touch".to_owned(),
         1 => "1 pair of surfaces touches".to_owned(),
         n => format!("{n} pairs of surfaces touch"),
     };
+    match count(true) {
+        0 => {}
+        1 => touch.push_str(", 1 latch holds"),
+        n => {
+            let _ = write!(touch, ", {n} latches hold");
+        }
+    }
     let mut t = format!("**At {:.3} s {touch}.** ", seconds(time));
     // Writing to a string cannot fail.
-    for (name, load, unit) in
-        [("Force", summary.port_force, "N"), ("Moment", summary.port_moment, "N·m")]
-    {
-        let (now, peak, at) = (load.now, load.peak, seconds(load.peak_time));
-        let _ = write!(t, "{name} at e3 {now:.0} {unit} (peak {peak:.0} {unit} at {at:.3} s). ");
+    for (name, force, moment) in [
+        ("Between the sides", summary.between_force, summary.between_moment),
+        ("At e3", summary.port_force, summary.port_moment),
+    ] {
+        let _ = write!(
+            t,
+            "{name}: {} (peak {} at {:.3} s), {:.0} N·m (peak {:.0} N·m at {:.3} s). ",
+            style::newtons(force.now),
+            style::newtons(force.peak),
+            seconds(force.peak_time),
+            moment.now,
+            moment.peak,
+            seconds(moment.peak_time),
+        );
     }
     t.push_str("\n\n");
     if order.is_empty() {
         t.push_str("No contact so far.\n");
         return t;
     }
-    t.push_str(
-        "| pair | class | now | depth | places | peak | at |\n|---|---|---|---|---|---|---|\n",
-    );
+    t.push_str("| pair | now | depth | peak | at |\n|---|---|---|---|---|\n");
     for p in order.iter().take(SUMMARY_ROWS) {
         let now = if p.places > 0 {
-            let (force, depth_mm) = (style::newtons(p.now_n), 1e3 * p.now_depth_m);
-            format!("**{force}** | {depth_mm:.2} mm | {}", p.places)
+            let force = style::newtons(p.now_n);
+            if p.class == PairClass::Latch {
+                format!("**{force}** | –")
+            } else {
+                format!("**{force}** | {:.2} mm", 1e3 * p.now_depth_m)
+            }
         } else {
-            "– | – | –".to_owned()
+            "– | –".to_owned()
         };
         if let Some(k) = p.peak {
-            let (class, peak, at) = (p.class.name(), style::newtons(k.force_n), seconds(k.time));
-            let _ = writeln!(t, "| {} | {class} | {now} | {peak} | {at:.3} s |", p.name);
+            let (peak, at) = (style::newtons(k.force_n), seconds(k.time));
+            let _ = writeln!(t, "| {} | {now} | {peak} | {at:.3} s |", p.name);
         }
     }
     if order.len() > SUMMARY_ROWS {
         let _ = writeln!(t, "\nand {} weaker pairs.", order.len() - SUMMARY_ROWS);
     }
     t.push_str(
-        "\nNormal force at the strongest place of each pair. Arrows: force on the active side, \
-         0.5 m = 3 kN; thin and pale: friction. A: active, orange; P: passive, blue.\n",
+        "\nNormal force at the strongest place of each pair, peaks over every tick. Arrows: force on \
+         the active side, 1 kN = 0.5 m; thin and pale: friction. A: active, orange; P: passive, \
+         blue.\n",
     );
     t
 }

@@ -109,7 +109,7 @@ const CONTACT: ContactArrow = ContactArrow {
 };
 
 #[test]
-fn oracle_arrows_are_drawn_in_e3_at_half_a_metre_for_three_kilonewtons() {
+fn oracle_arrows_are_drawn_in_e3_at_half_a_metre_for_a_kilonewton() {
     let path = file("arrows.rrd");
     let rig = Rig::new();
     let mut writer = rig.writer(&path).expect("created");
@@ -144,7 +144,7 @@ fn oracle_arrows_are_drawn_in_e3_at_half_a_metre_for_three_kilonewtons() {
     let vectors = read(rerun::Arrows3D::descriptor_vectors());
     let origins = read(rerun::Arrows3D::descriptor_origins());
     let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
-    assert!(near(vectors[0][0], [-1900.0 * 0.5 / 3000.0, 0.0, 0.0]), "{vectors:?}");
+    assert!(near(vectors[0][0], [-1900.0 * 0.5 / 1000.0, 0.0, 0.0]), "{vectors:?}");
     // e3 is 3.5 m in front of the chaser's mass centre.
     assert!(near(origins[0][0], [0.3, 0.6, 0.0]), "{origins:?}");
     assert!(vectors[1].is_empty());
@@ -170,6 +170,90 @@ fn invariant_all_problems_of_a_frame_are_named_and_the_recording_goes_on() {
     writer.frame(&frame(2_000_000, &[CONTACT], &scalars)).expect("recorded");
     writer.finish().expect("closed");
     assert_eq!(rows(&read(&path), "/scene/active_ring"), 1);
+}
+
+#[test]
+fn invariant_peaks_and_trace_are_those_of_ticks_between_frames() {
+    let path = file("ticks.rrd");
+    let mut writer = Rig::new().writer(&path).expect("created");
+    let scalars = Scalars { between_force_n: 2345.0, ..Scalars::default() };
+    writer.frame(&frame(0, &[], &Scalars::default())).expect("recorded");
+    writer.tick(&frame(1_000_000, &[CONTACT], &scalars)).expect("taken in");
+    writer.frame(&frame(20_000_000, &[], &Scalars::default())).expect("recorded");
+    writer.finish().expect("closed");
+    let entities = read(&path);
+    assert_eq!(rows(&entities, "/scene/active_ring"), 2);
+    assert_eq!(rows(&entities, "/scene/active_ring/trace/000"), 1);
+    let text = rerun::TextDocument::descriptor_text();
+    let last = entities["/contact_table"]
+        .iter()
+        .flat_map(|c| c.iter_slices::<String>(text.component).map(|t| t[0].to_string()).last())
+        .last()
+        .expect("a table");
+    assert!(last.contains("1.90 kN | 0.001 s"), "{last}");
+    assert!(last.contains("peak 2.35 kN at 0.001 s"), "{last}");
+}
+
+#[test]
+fn invariant_a_ghost_shares_plots_and_keeps_its_own_scene() {
+    let path = file("ghost.rrd");
+    let rig = Rig::new();
+    let scene = SceneModel {
+        scenario: "test",
+        chaser: &rig.chaser,
+        target: &rig.target,
+        mechanism: &rig.mechanism,
+    };
+    let names = synthetic::pair_names();
+    let mut a = SceneWriter::create_compared(&path, &scene, &names).expect("created");
+    let mut b = a.ghost(&scene, &names, -5_000_000).expect("added");
+    let scalars = Scalars::default();
+    b.frame(&frame(0, &[CONTACT], &scalars)).expect("recorded");
+    b.frame(&frame(10_000_000, &[CONTACT], &scalars)).expect("recorded");
+    a.frame(&frame(0, &[CONTACT], &scalars)).expect("recorded");
+    b.finish().expect("sent");
+    a.finish().expect("closed");
+    let entities = read(&path);
+    for (entity, want) in [
+        ("/scene/active_ring", 1),
+        ("/scene/ghost/active_ring", 2),
+        ("/scene/ghost/active_ring/petal_0", 1),
+        ("/scene/ghost/contacts/petal_ring/normal", 2),
+        ("/scene/ghost/labels/text", 0),
+        ("/port/force", 2),
+        ("/port/force/ghost", 3),
+        ("/ghost_contact_table", 2),
+    ] {
+        assert_eq!(rows(&entities, entity), want, "{entity}");
+    }
+    let times: Vec<i64> = entities["/scene/ghost/active_ring"]
+        .iter()
+        .flat_map(|c| c.timelines().values().flat_map(|t| t.times_raw().to_vec()))
+        .collect();
+    assert_eq!(times, [-5_000_000, 5_000_000]);
+}
+
+#[test]
+fn invariant_the_viewers_version_is_that_of_the_library() {
+    let manifest = include_str!("../../../Cargo.toml");
+    let line = manifest.lines().find(|l| l.starts_with("rerun = ")).expect("rerun is pinned");
+    assert!(line.contains(&format!("\"={}\"", docktwin_view::VIEWER_VERSION)), "{line}");
+}
+
+#[test]
+fn invariant_a_cut_or_missing_recording_is_not_whole() {
+    let path = file("whole.rrd");
+    let mut writer = Rig::new().writer(&path).expect("created");
+    writer.frame(&frame(0, &[CONTACT], &Scalars::default())).expect("recorded");
+    writer.finish().expect("closed");
+    assert!(docktwin_view::is_whole(&path));
+    let bytes = std::fs::read(&path).expect("written");
+    let cut = file("cut.rrd");
+    for keep in [0, 3, bytes.len() / 2] {
+        std::fs::write(&cut, &bytes[..keep]).expect("written");
+        assert!(!docktwin_view::is_whole(&cut), "{keep} of {} bytes", bytes.len());
+    }
+    assert!(!docktwin_view::is_whole(&file("nothing.rrd")));
 }
 
 #[test]

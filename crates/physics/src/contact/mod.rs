@@ -8,4 +8,6 @@ mod merge;
 mod scene;
 mod shape;
 
-pub use scene::{ContactEnergy, ContactSample, ContactState, Contacts, PAIRS, Scene, SurfacePair};
+pub use scene::{
+    ContactEnergy, ContactSample, ContactState, Contacts, PAIRS, PetalGaps, Scene, SurfacePair,
+};

@@ -9,6 +9,10 @@ use super::{
     shape::{Circle, Segment, parabola_peak, segment_circle, segment_segment},
 };
 
+mod gaps;
+
+pub use gaps::PetalGaps;
+
 /// Most petals a side may have.
 const MAX_PETALS: usize = 3;
 /// Pairs of surfaces: ring–ring, 3 active petals on the passive ring, 3 passive petals on the

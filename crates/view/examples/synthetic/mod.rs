@@ -314,7 +314,10 @@ pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<Vec<f64>, View
                 port_moment_nm: (DVec3::X * 0.3 + ring).cross(-attenuator),
                 contact_normal_sum_n: contacts.iter().map(|c| c.normal_force_w_n.length()).sum(),
                 energy,
+                between_force_n: attenuator.length(),
+                between_moment_nm: 0.0,
                 latch_gap_m: gaps,
+                petal_gap_m: [[f64::NAN; 3]; 2],
             };
             let x_1 = w * chaser.x_body_port.inverse();
             let frame = Frame {

@@ -1,0 +1,70 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rerun::external::re_log_encoding::DecoderApp;
+use rerun::external::re_log_types::LogMsg;
+use rerun::log::Chunk;
+
+/// Calls `look` with every message; the first error ends it.
+fn each(path: &Path, mut look: impl FnMut(LogMsg) -> Result<(), String>) -> Result<(), String> {
+    let text = |e: &dyn core::fmt::Display| e.to_string();
+    let file = std::fs::File::open(path).map_err(|e| text(&e))?;
+    let messages = DecoderApp::decode_eager(std::io::BufReader::new(file)).map_err(|e| text(&e))?;
+    for message in messages {
+        look(message.map_err(|e| text(&e))?)?;
+    }
+    Ok(())
+}
+
+/// Whether a recording is there, readable and closed: a writer that was killed leaves no table of
+/// contents at the end.
+#[must_use]
+pub fn is_whole(path: &Path) -> bool {
+    let mut some = false;
+    each(path, |_| {
+        some = true;
+        Ok(())
+    })
+    .is_ok()
+        && some
+}
+
+/// What a recording (not its blueprint) holds, entity by entity, as text: a row with its time in
+/// nanoseconds and its values, without ids and chunk borders. For tests that compare recordings.
+///
+/// # Errors
+/// The file cannot be read to its end.
+#[doc(hidden)]
+pub fn content(path: &Path) -> Result<BTreeMap<String, Vec<String>>, String> {
+    let mut out = BTreeMap::<String, Vec<String>>::new();
+    each(path, |message| {
+        let LogMsg::ArrowMsg(store, message) = message else { return Ok(()) };
+        if !store.is_recording() {
+            return Ok(());
+        }
+        let chunk = Chunk::from_arrow_msg(&message).map_err(|e| e.to_string())?;
+        let times: Vec<i64> =
+            chunk.timelines().values().next().map(|t| t.times_raw().to_vec()).unwrap_or_default();
+        let rows = out.entry(chunk.entity_path().to_string()).or_default();
+        for i in 0..chunk.num_rows() {
+            let mut row = times.get(i).map_or_else(|| "static".to_owned(), i64::to_string);
+            let mut values = BTreeMap::new();
+            for (name, column) in chunk.components().iter() {
+                let value = column.list_array.value(i);
+                values.insert(name.to_string(), format!("{value:?}"));
+            }
+            for (name, value) in values {
+                row.push_str(&format!(" {name} {value}"));
+            }
+            rows.push(row);
+        }
+        Ok(())
+    })?;
+    // A segment of the trace is sent in pieces; rows of one entity stay in order of time.
+    for rows in out.values_mut() {
+        rows.sort_by_key(|r| {
+            r.split(' ').next().and_then(|t| t.parse::<i64>().ok()).unwrap_or(i64::MIN)
+        });
+    }
+    Ok(out)
+}
