@@ -743,7 +743,7 @@ pub struct Instability {
 }
 
 /// Moves the ring slowly along one axis, in the direction of `to`, the others held, and looks for the
-/// first of 400 poses at which the stored energy is no longer a minimum in them: from there on the
+/// first pose (of 400, refined) at which the stored energy is no longer a minimum in them: from there on the
 /// ring would give way sideways if nothing but the attenuator held it. The legs of a differential
 /// mechanism do that under compression, like a column on hinges.
 ///
@@ -761,21 +761,40 @@ pub fn instability(
     }
     let k = axis.index();
     let rest = bench.stiffness(&[0.0; 6]);
-    let h = 0.2 / if axis.turns() { SLOW_RAD_S } else { SLOW_M_S } * to.abs() / 80.0;
+    let speed = if axis.turns() { SLOW_RAD_S } else { SLOW_M_S };
+    let h = (to.abs() / 400.0 / speed).max(1e-6);
+    let step = to / 400.0;
     for i in 1..=400 {
-        let r = bench.advance(axis, to * f64::from(i) / 400.0, Others::Held, h.max(1e-6))?;
-        let now = bench.stiffness(&bench.q);
-        if !positive_definite(&now, k) {
-            let left = |a: &Axis| now[a.index()][a.index()] / rest[a.index()][a.index()];
-            let weakest = Axis::ALL
-                .into_iter()
-                .filter(|a| *a != axis)
-                .min_by(|a, b| left(a).total_cmp(&left(b)))
-                .unwrap_or(axis);
-            let stiffness = now[weakest.index()][weakest.index()];
-            let reaction = r.reaction[k];
-            return Ok(Some(Instability { at: bench.q[k], reaction, weakest, stiffness }));
+        let before = bench.clone();
+        bench.advance(axis, step * f64::from(i), Others::Held, h)?;
+        if positive_definite(&bench.stiffness(&bench.q), k) {
+            continue;
         }
+        // Between the last two poses, by halving.
+        let (mut a, mut b) = (0.0, 1.0);
+        let reached = |t: f64| {
+            let mut bench = before.clone();
+            let x = before.q[k] + t * step;
+            let r = bench.advance(axis, x, Others::Held, t * h)?;
+            Ok::<_, BenchError>((r, bench.stiffness(&bench.q)))
+        };
+        for _ in 0..20 {
+            let t = 0.5 * (a + b);
+            if positive_definite(&reached(t)?.1, k) { a = t } else { b = t }
+        }
+        let (r, now) = reached(b)?;
+        let left = |a: &Axis| now[a.index()][a.index()] / rest[a.index()][a.index()];
+        let weakest = Axis::ALL
+            .into_iter()
+            .filter(|a| *a != axis)
+            .min_by(|a, b| left(a).total_cmp(&left(b)))
+            .unwrap_or(axis);
+        return Ok(Some(Instability {
+            at: before.q[k] + b * step,
+            reaction: r.reaction[k],
+            weakest,
+            stiffness: now[weakest.index()][weakest.index()],
+        }));
     }
     Ok(None)
 }
@@ -917,7 +936,10 @@ pub fn characterise(
         let mut before = stops
             .samples
             .iter()
-            .filter(|s| s.rate[k] * sign > 0.0 && s.deflection[k] * sign < way)
+            .filter(|s| {
+                let x = s.deflection[k] * sign;
+                s.rate[k] * sign > 0.0 && x > 0.5 * way && x < way
+            })
             .rev();
         match (before.next(), before.next()) {
             (Some(b), Some(a)) => {

@@ -338,7 +338,8 @@ fn oracle_compressed_legs_give_way_like_a_column_on_hinges() {
     }
     let spring = 800.0 / sideways * axial;
     // Of the reaction the dry friction is no part of the stored energy.
-    close(lost.reaction, -(spring + 250.0), 0.08, "axial force at which it gives way");
+    // The stiffness of y is coupled to the tilt, so that it is lost a little before.
+    close(lost.reaction, -(spring + 250.0), 0.02, "axial force at which it gives way");
 }
 
 #[test]
