@@ -164,13 +164,13 @@ pub(crate) enum AnalyzeCommand {
 }
 
 const MECHANISM: &str = "\
-The ring is moved along one axis at a time, to and fro: in its soft travel, over its travel, into the
-end stops, and at the speed of a docking before and after capture. X is moved with the other axes held,
-the others with the ring free in the remaining ones, and held for comparison.
+The ring is moved along one axis at a time, to and fro: in its soft travel, over its travel,
+into the end stops, and at the speed of a docking before and after capture. X is moved with the
+other axes held, the others with the ring free in the remaining ones, and held for comparison.
 
-The directory holds loop_AXIS.csv and .svg (Fig. 6 to 9 of the paper), matrices.csv (stiffness and
-damping about several poses), coupling.svg, contact.csv and .svg, and mechanism.json (what --json
-prints).
+The directory holds loop_AXIS.csv and .svg (Fig. 6 to 9 of the paper), matrices.csv (stiffness
+and damping about several poses), coupling.svg, contact.csv and .svg, and mechanism.json (what
+--json prints).
 
 Examples:
   docktwin analyze mechanism models/urdf/apas_active.urdf

@@ -203,11 +203,11 @@ fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
     }
     let mut out = String::new();
     // Writing to a String cannot fail. The class of the background is that of the plots' own.
-    let _ = write!(
+    let _ = writeln!(
         out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"dtp\" viewBox=\"0 0 {width:.0} {y:.0}\">\
-         <style>{STYLE}</style><rect class=\"dtf11\" fill=\"#fff\" width=\"100%\" height=\"100%\"/>\
-         {body}</svg>\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"dtp\" \
+         viewBox=\"0 0 {width:.0} {y:.0}\"><style>{STYLE}</style>\
+         <rect class=\"dtf11\" fill=\"#fff\" width=\"100%\" height=\"100%\"/>{body}</svg>"
     );
     Ok(out)
 }
