@@ -60,6 +60,9 @@ pub(crate) enum Command {
     /// Open a run, or two laid over each other, in the rerun viewer
     #[command(after_help = VIEW)]
     View(ViewArgs),
+    /// Analyse a design, without a docking
+    #[command(subcommand)]
+    Analyze(AnalyzeCommand),
 }
 
 const REHEARSE: &str = "\
@@ -205,4 +208,86 @@ pub(crate) enum Align {
     Start,
     /// Their first contact
     FirstContact,
+}
+
+/// `analyze …`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum AnalyzeCommand {
+    /// Put the mechanism on a test bench: force over displacement on every axis, coupling, contact
+    #[command(after_help = MECHANISM)]
+    Mechanism(MechanismArgs),
+}
+
+const MECHANISM: &str = "\
+The ring is moved along one axis at a time, to and fro: in its soft travel, over its travel,
+into the end stops, and at the speed of a docking before and after capture. X is moved with the
+other axes held, the others with the ring free in the remaining ones, and held for comparison.
+
+The directory holds loop_AXIS.csv and .svg (Fig. 6 to 9 of the paper), matrices.csv (stiffness
+and damping about several poses), coupling.svg, contact.csv and .svg, and mechanism.json (what
+--json prints).
+
+Examples:
+  docktwin analyze mechanism models/urdf/apas_active.urdf
+  docktwin analyze mechanism models/urdf/apas_active.toml --attenuation differential --out bench
+  docktwin analyze mechanism mine.urdf --passive theirs.urdf --axis x --axis roll --json";
+
+/// Options of `analyze mechanism`.
+#[derive(Debug, Args)]
+pub(crate) struct MechanismArgs {
+    /// URDF or TOML of a side of the mechanism, the other side beside it
+    pub(crate) mechanism: PathBuf,
+    /// URDF or TOML of the passive side [default: beside the active one, of the same name]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) passive: Option<PathBuf>,
+    /// What carries the ring [default: as the file says]
+    #[arg(long, value_enum)]
+    pub(crate) attenuation: Option<AttenuationArg>,
+    /// Axis to test, repeatable [default: all]
+    #[arg(long, value_enum)]
+    pub(crate) axis: Vec<AxisArg>,
+    /// Directory of the results; by default a new one under `analysis`.
+    #[arg(long, value_name = "DIR", help = "Directory [default: analysis/<mechanism>-<utc>]")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// What carries the ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AttenuationArg {
+    /// A table for every axis
+    Characteristic,
+    /// Six screw legs, coupled by differentials
+    Differential,
+}
+
+/// An axis of the ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AxisArg {
+    /// Along the docking axis
+    X,
+    /// Sideways
+    Y,
+    /// Sideways
+    Z,
+    /// About X
+    Roll,
+    /// About Y
+    Pitch,
+    /// About Z
+    Yaw,
+}
+
+impl AxisArg {
+    /// The axis of the bench.
+    pub(crate) const fn axis(self) -> docktwin_physics::bench::Axis {
+        use docktwin_physics::bench::Axis;
+        match self {
+            Self::X => Axis::X,
+            Self::Y => Axis::Y,
+            Self::Z => Axis::Z,
+            Self::Roll => Axis::Roll,
+            Self::Pitch => Axis::Pitch,
+            Self::Yaw => Axis::Yaw,
+        }
+    }
 }

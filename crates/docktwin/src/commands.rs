@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use docktwin_scenario::{explain, load_scenario};
 
 use crate::{
+    analyze,
     cli::{Cli, Command, ModelCommand, ScenarioCommand},
     failure::{BAD_INPUT, Failure},
     rehearse, replay, view,
@@ -20,6 +21,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Export(args) => crate::export::run(args, json),
         Command::Recover(args) => crate::recover::run(args, json),
         Command::View(args) => view::run(args, json),
+        Command::Analyze(command) => analyze::run(command, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);
             let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };

@@ -1,5 +1,6 @@
 //! The command line of docktwin: the only place where twin, record and view meet.
 
+mod analyze;
 mod cli;
 mod commands;
 mod diff;

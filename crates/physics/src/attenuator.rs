@@ -200,6 +200,11 @@ impl AttenuatorGeometry {
     pub const fn deflection(&self) -> Deflection {
         self.deflection
     }
+
+    /// J⁻¹ of `ψ' = J⁻¹ ω`.
+    pub(crate) const fn rotation_rate_matrix(&self) -> DMat3 {
+        self.j_inv
+    }
 }
 
 /// J⁻¹ with ψ' = J⁻¹ ω, ω in the frame against which the rotation is measured.
@@ -281,6 +286,35 @@ fn legs(m: &DifferentialAttenuator, g: &AttenuatorGeometry) -> [(f64, DVec3, DVe
     })
 }
 
+/// Brake coordinates `coupling · (l − l_rest)`, m.
+fn brake_coordinates(m: &DifferentialAttenuator, along: impl Fn(usize) -> f64) -> [f64; 6] {
+    m.coupling.map(|row| (0..6).map(|i| row[i] * along(i)).sum())
+}
+
+/// Every channel with what it sees of the deflection, in the order of the state.
+fn channel_deflections<'a>(
+    model: &'a Attenuator,
+    g: &AttenuatorGeometry,
+) -> [Option<(&'a AxisChannel, DVec3)>; CHANNELS] {
+    let Deflection { d, psi } = g.deflection;
+    match model {
+        Attenuator::Rigid => [None; CHANNELS],
+        Attenuator::Characteristic(m) => [
+            Some((&m.axial, X * d.x)),
+            Some((&m.lateral, across(d))),
+            Some((&m.roll, X * psi.x)),
+            Some((&m.tilt, across(psi))),
+            None,
+            None,
+        ],
+        Attenuator::Differential(m) => {
+            let legs = legs(m, g);
+            let x = brake_coordinates(m, |i| legs[i].0);
+            core::array::from_fn(|row| Some((&m.channels[row], X * x[row])))
+        }
+    }
+}
+
 fn differential(
     m: &DifferentialAttenuator,
     g: &AttenuatorGeometry,
@@ -293,11 +327,10 @@ fn differential(
     let rates = legs.map(|(_, e, arm)| e.dot(rel.v + rel.w.cross(arm)));
     let mut out = AttenuatorForce { next: *state, ..AttenuatorForce::default() };
     let mut leg_force = [0.0; 6];
+    let x = brake_coordinates(m, |i| legs[i].0);
+    let v = brake_coordinates(m, |i| rates[i]);
     for (row, c) in m.channels.iter().enumerate() {
-        let along =
-            |x: &dyn Fn(usize) -> f64| -> f64 { (0..6).map(|i| m.coupling[row][i] * x(i)).sum() };
-        let (x, v) = (along(&|i| legs[i].0), along(&|i| rates[i]));
-        let part = channel(c, &state.channels[row], X * x, X * v, phase, h);
+        let part = channel(c, &state.channels[row], X * x[row], X * v[row], phase, h);
         out.lost_w += part.lost_w;
         out.next.channels[row] = part.next;
         for (f, k) in leg_force.iter_mut().zip(m.coupling[row]) {
@@ -313,56 +346,84 @@ fn differential(
 /// Stored energy, J.
 #[must_use]
 pub fn stored_energy(model: &Attenuator, g: &AttenuatorGeometry, state: &AttenuatorState) -> f64 {
-    let Deflection { d, psi } = g.deflection;
-    let s = &state.channels;
-    match model {
-        Attenuator::Rigid => 0.0,
-        Attenuator::Characteristic(m) => {
-            channel_energy(&m.axial, &s[0], X * d.x)
-                + channel_energy(&m.lateral, &s[1], across(d))
-                + channel_energy(&m.roll, &s[2], X * psi.x)
-                + channel_energy(&m.tilt, &s[3], across(psi))
-        }
-        Attenuator::Differential(m) => {
-            let legs = legs(m, g);
-            m.channels
-                .iter()
-                .enumerate()
-                .map(|(row, c)| {
-                    let x: f64 = (0..6).map(|i| m.coupling[row][i] * legs[i].0).sum();
-                    channel_energy(c, &s[row], X * x)
-                })
-                .sum()
-        }
-    }
+    channel_deflections(model, g)
+        .into_iter()
+        .zip(&state.channels)
+        .filter_map(|(at, s)| at.map(|(c, x)| channel_energy(c, s, x)))
+        .sum()
 }
 
 /// How far the attenuator is pushed beyond its travel, m; rotations count at `ring_radius_m`.
 #[must_use]
 pub fn overtravel(model: &Attenuator, g: &AttenuatorGeometry, ring_radius_m: f64) -> f64 {
-    let Deflection { d, psi } = g.deflection;
-    match model {
-        Attenuator::Rigid => 0.0,
-        Attenuator::Characteristic(m) => [
-            beyond_travel(&m.axial, X * d.x).0,
-            beyond_travel(&m.lateral, across(d)).0,
-            beyond_travel(&m.roll, X * psi.x).0 * ring_radius_m,
-            beyond_travel(&m.tilt, across(psi)).0 * ring_radius_m,
-        ]
+    let turns = matches!(model, Attenuator::Characteristic(_));
+    channel_deflections(model, g)
         .into_iter()
-        .fold(0.0, f64::max),
+        .enumerate()
+        .filter_map(|(row, at)| {
+            // Rows 2 and 3 of the characteristic are roll and tilt.
+            let radius = if turns && row >= 2 { ring_radius_m } else { 1.0 };
+            at.map(|(c, x)| beyond_travel(c, x).0 * radius)
+        })
+        .fold(0.0, f64::max)
+}
+
+/// What springs and stops do to the ring: minus the gradient of [`stored_energy`] at constant
+/// memory, N and N·m about the ring centre, axes of `e3`.
+#[must_use]
+pub fn elastic_wrench(
+    model: &Attenuator,
+    g: &AttenuatorGeometry,
+    state: &AttenuatorState,
+) -> Wrench {
+    let parts: [DVec3; CHANNELS] = {
+        let at = channel_deflections(model, g);
+        core::array::from_fn(|row| {
+            at[row].map_or(DVec3::ZERO, |(c, x)| elastic_part(c, &state.channels[row], x))
+        })
+    };
+    match model {
+        Attenuator::Rigid => Wrench::ZERO,
+        Attenuator::Characteristic(_) => {
+            Wrench { f: parts[0] + parts[1], m: g.j_inv.transpose() * (parts[2] + parts[3]) }
+        }
         Attenuator::Differential(m) => {
-            let legs = legs(m, g);
-            m.channels
-                .iter()
-                .enumerate()
-                .map(|(row, c)| {
-                    let x: f64 = (0..6).map(|i| m.coupling[row][i] * legs[i].0).sum();
-                    beyond_travel(c, X * x).0
-                })
-                .fold(0.0, f64::max)
+            let mut out = Wrench::ZERO;
+            for (i, (_, e, arm)) in legs(m, g).iter().enumerate() {
+                let f: f64 = (0..6).map(|row| m.coupling[row][i] * parts[row].x).sum();
+                out.push(*arm, *e * f);
+            }
+            out
         }
     }
+}
+
+/// Spring and stop of one channel, without damping and friction.
+fn elastic_part(c: &AxisChannel, state: &ChannelState, x: DVec3) -> DVec3 {
+    let e = x - state.slip;
+    let mean = 0.5 * (curve(&c.loading, e.length()).0 + curve(&c.unloading, e.length()).0);
+    let (over, unit) = beyond_travel(c, x);
+    -(e.normalize_or_zero() * mean + unit * (c.stop_stiffness * over))
+}
+
+/// The memory with which no brake carries a load and no friction is engaged at this deflection.
+pub(crate) fn relaxed(model: &Attenuator, g: &AttenuatorGeometry) -> AttenuatorState {
+    let channels = channel_deflections(model, g).map(|at| match at {
+        Some((c, x)) if c.series_brake.is_some() => ChannelState { slip: x, dry: DVec3::ZERO },
+        _ => ChannelState::default(),
+    });
+    AttenuatorState { channels }
+}
+
+/// How far all series brakes have slipped, m and rad added up without sign.
+pub(crate) fn total_slip(state: &AttenuatorState) -> f64 {
+    state.channels.iter().map(|c| c.slip.length()).sum()
+}
+
+/// The channels of a model, in the order of the state.
+pub(crate) fn channels(model: &Attenuator) -> impl Iterator<Item = &AxisChannel> {
+    let rest = AttenuatorGeometry::new(Pose::IDENTITY, 0.0);
+    channel_deflections(model, &rest).into_iter().flatten().map(|(c, _)| c)
 }
 
 #[cfg(test)]

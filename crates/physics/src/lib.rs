@@ -1,9 +1,10 @@
 //! Laws as pure functions, and the reduced twin put together from them.
 //!
 //! No clock, no file, no thread, no physics engine. Everything here is a function of
-//! (model, state, inputs); after construction nothing allocates.
+//! (model, state, inputs); after construction nothing that a step calls allocates.
 
 pub mod attenuator;
+pub mod bench;
 pub mod body;
 pub mod contact;
 pub mod initial;
