@@ -2,12 +2,13 @@
 
 use std::process::ExitCode;
 
-use docktwin_scenario::{explain, load_scenario};
+use docktwin_model::input::shown;
+use docktwin_scenario::{explained, load_scenario};
 
 use crate::{
     analyze,
     cli::{Cli, Command, ModelCommand, ScenarioCommand},
-    failure::{BAD_INPUT, Failure},
+    failure::{BAD_INPUT, Failure, problem_json},
     rehearse, replay, view,
 };
 
@@ -28,6 +29,17 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
             if json {
                 let files: Vec<String> =
                     report.files.iter().map(|f| f.display().to_string()).collect();
+                let values: Vec<_> = report
+                    .values
+                    .iter()
+                    .map(|v| {
+                        serde_json::json!({
+                            "file": v.file.to_string_lossy(), "line": v.line, "key": v.key,
+                            "value": v.value, "unit": v.unit, "note": v.note,
+                        })
+                    })
+                    .collect();
+                let problems: Vec<_> = report.problems.iter().map(problem_json).collect();
                 println!(
                     "{}",
                     serde_json::json!({
@@ -35,6 +47,9 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
                         "read": report.read,
                         "ignored": report.ignored,
                         "refused": report.refused,
+                        "values": values,
+                        "problems": problems,
+                        "exit_code": code,
                     })
                 );
             } else {
@@ -56,16 +71,30 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
             }
             Ok(ExitCode::SUCCESS)
         }
-        Command::Scenario(ScenarioCommand::Explain { key }) => match explain(key.as_deref()) {
-            Ok(text) => {
-                println!("{text}");
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(unknown) => Err(Failure::Usage {
+        Command::Scenario(ScenarioCommand::Explain { key }) => {
+            let keys = explained(key.as_deref()).map_err(|unknown| Failure::Usage {
                 what: unknown.to_string(),
                 remedy: "`docktwin scenario explain` lists every key".to_owned(),
-            }),
-        },
+            })?;
+            if json {
+                let keys: Vec<_> = keys
+                    .iter()
+                    .map(|k| {
+                        serde_json::json!({
+                            "key": k.key, "meaning": k.meaning, "unit": k.unit,
+                            "allowed": k.allowed, "example": k.example,
+                        })
+                    })
+                    .collect();
+                println!("{}", serde_json::json!({ "keys": keys }));
+            } else {
+                for k in keys {
+                    println!("{}\n    {}\n    {}", k.key, k.allowed, k.meaning);
+                    println!("    example: {}", k.example);
+                }
+            }
+            Ok(ExitCode::SUCCESS)
+        }
     }
 }
 
@@ -75,7 +104,7 @@ pub(crate) fn overrides(set: &[String]) -> Result<Vec<(String, String)>, Failure
         .map(|s| {
             s.split_once('=').map(|(k, v)| (k.trim().to_owned(), v.trim().to_owned())).ok_or_else(
                 || Failure::Usage {
-                    what: format!("`--set {s}` has no `=`"),
+                    what: format!("`--set {}` has no `=`", shown(s)),
                     remedy: "write it as --set key.path=value, for example \
                              --set initial.lateral_y_m=0.1"
                         .to_owned(),

@@ -1,9 +1,12 @@
 //! What went wrong, for a person and for a script.
 
-use std::process::ExitCode;
+use std::{io::Write as _, process::ExitCode};
 
 use docktwin::{playback::PlaybackError, setup::StartOverlap};
-use docktwin_model::{ModelErrors, Problem};
+use docktwin_model::{
+    ModelErrors, Problem,
+    input::{plain, shown},
+};
 use docktwin_record::RecordError;
 use docktwin_scenario::ScenarioErrors;
 use docktwin_view::ViewError;
@@ -89,18 +92,73 @@ impl From<ModelErrors> for Failure {
     }
 }
 
+/// A failure as it is printed: colours are ours, everything else is printable.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{text}")]
+struct Said {
+    text: String,
+    #[help]
+    help: Option<String>,
+}
+
+/// A problem as scripts get it.
+pub(crate) fn problem_json(p: &Problem) -> serde_json::Value {
+    serde_json::json!({
+        "file": plain(&p.file.to_string_lossy()),
+        "line": p.line,
+        "key": shown(&p.key),
+        "value": shown(&p.value),
+        "unit": p.unit,
+        "what": plain(&p.what),
+        "allowed": plain(&p.allowed),
+        "remedy": plain(&p.remedy),
+    })
+}
+
 impl Failure {
+    /// 70 for what only a defect of ours can cause, 2 otherwise.
+    pub(crate) const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Record(
+                RecordError::Defect | RecordError::RowLength { .. } | RecordError::TickOrder { .. },
+            )
+            | Self::View(ViewError::Encode { .. }) => DEFECT,
+            _ => BAD_INPUT,
+        }
+    }
+
+    /// The problem in fields; a failure without a file has a `what` and a `remedy`.
+    fn problems(&self) -> Vec<Problem> {
+        match self {
+            Self::Input { problems } => problems.clone(),
+            other => vec![Problem {
+                key: "usage".to_owned(),
+                what: other.to_string(),
+                remedy: other.help().map(|h| h.to_string()).unwrap_or_default(),
+                ..Problem::default()
+            }],
+        }
+    }
+
     /// Says it on stderr, or as JSON on stdout, and gives the exit code.
     pub(crate) fn report(self, json: bool) -> ExitCode {
-        let code = BAD_INPUT;
+        let code = self.exit_code();
         if json {
-            let problems: Vec<String> = match &self {
+            let texts: Vec<String> = match &self {
                 Self::Input { problems } => problems.iter().map(|p| p.to_string()).collect(),
                 other => vec![other.to_string()],
             };
-            println!("{}", serde_json::json!({ "error": problems, "exit_code": code }));
+            let problems: Vec<_> = self.problems().iter().map(problem_json).collect();
+            println!(
+                "{}",
+                serde_json::json!({ "error": texts, "problems": problems, "exit_code": code })
+            );
         } else {
-            eprintln!("{:?}", miette::Report::new(self));
+            let help = self.help().map(|h| plain(&h.to_string()));
+            let said = Said { text: plain(&self.to_string()), help };
+            let report = miette::Report::new(said);
+            // Past `eprintln`, which would take the colours for terminal commands of a stranger.
+            let _ = writeln!(std::io::stderr(), "{report:?}");
         }
         ExitCode::from(code)
     }

@@ -1,5 +1,9 @@
 //! The command line of docktwin: the only place where twin, record and view meet.
 
+// First: its macros are for all below.
+#[macro_use]
+mod terminal;
+
 mod analyze;
 mod cli;
 mod commands;
@@ -18,6 +22,11 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
+    // Paths and keys stay whole, so that they can be searched for and copied. Only a second hook
+    // would be refused.
+    let _ = miette::set_hook(Box::new(|_| {
+        Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).break_words(false).build())
+    }));
     // A panic is a defect of ours and has its own exit code; the panic hook has told where.
     match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::run(&cli))) {
         Ok(Ok(code)) => code,

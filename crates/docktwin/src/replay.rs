@@ -20,6 +20,9 @@ use crate::{
     rehearse::digest_keys,
 };
 
+/// Steps in one tick, as a scenario may ask for.
+const MOST_STEPS: u64 = 10_000;
+
 /// What a replay found.
 struct Found {
     ticks: u64,
@@ -46,6 +49,22 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.run.join("scenario.toml"), &[])?;
     same_files(&scenario.files, &metadata, &args.run)?;
     let (tick_nanos, steps) = (number("tick_nanos")?, number("steps_per_tick")?);
+    let damaged = |what: String| Failure::Usage {
+        what: format!("{what}: {}", args.run.display()),
+        remedy: "run.mcap and scenario.toml are not of one run, or damaged; use another copy"
+            .to_owned(),
+    };
+    if tick_nanos != scenario.run.tick_nanos {
+        return Err(damaged(format!(
+            "the recording has ticks of {tick_nanos} ns, its scenario.toml of {} ns",
+            scenario.run.tick_nanos
+        )));
+    }
+    if !(1..=MOST_STEPS).contains(&steps) {
+        return Err(damaged(format!(
+            "the recording has {steps} steps in a tick; allowed: 1 to {MOST_STEPS}"
+        )));
+    }
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
     let h = tick_nanos as f64 / 1e9 / steps as f64;
     let twin = of("twin")?;
@@ -147,5 +166,12 @@ fn compare<T: DockingTwin>(
         }
     }
     found.cut = reader.cut().map(|c| c.to_string());
+    if found.ticks == 0 {
+        let why = found.cut.unwrap_or_else(|| "it ends before the first".to_owned());
+        return Err(Failure::Usage {
+            what: format!("no tick can be read from the recording: {why}: {}", run.display()),
+            remedy: "use another copy, or rehearse again".to_owned(),
+        });
+    }
     Ok(found)
 }

@@ -2,9 +2,11 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
+use crate::input;
 use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
 use crate::load_spacecraft::read_spacecraft;
-use crate::problem::{Findings, Problem};
+use crate::problem::{Findings, Note, Problem, ReadValue};
+use crate::toml_check::Checker;
 
 /// What a model file describes, as its TOML says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,7 +18,8 @@ pub(crate) enum Kind {
 
 /// The `kind` of a TOML file, if it can be read.
 pub(crate) fn kind_of(toml: &Path) -> Option<Kind> {
-    let text = std::fs::read_to_string(toml).ok()?;
+    let bytes = input::read_bytes(toml, input::MAX_TEXT_BYTES).ok()?;
+    let text = input::text_of(bytes).ok()?;
     let (root, _) = DeTable::parse_recoverable(&text);
     match root.get_ref().get("kind")?.get_ref().as_str()? {
         "spacecraft" => Some(Kind::Spacecraft),
@@ -26,9 +29,52 @@ pub(crate) fn kind_of(toml: &Path) -> Option<Kind> {
     }
 }
 
+/// Says why no kind is known: a file that cannot be read, is no TOML, or names none.
+fn unknown_kind(path: &Path, out: &mut Findings) {
+    let toml = path.with_extension("toml");
+    // The file that was named comes first, whichever of the two it is.
+    if path != toml && out.read(path, "model").is_none() {
+        return;
+    }
+    let Some(text) = out.read(&toml, "TOML of the model") else {
+        if let Some(p) = out.problems.last_mut() {
+            p.remedy = format!(
+                "a model is a URDF and a TOML of the same name beside it, with `kind = \"…\"`: {}",
+                p.remedy
+            );
+        }
+        return;
+    };
+    let checker = Checker::new(&toml, &text);
+    let words = [("spacecraft", ()), ("mechanism_active", ()), ("mechanism_passive", ())];
+    let is_scenario = checker.read_some(|t| {
+        let scenario = ["initial", "run", "expect"].iter().any(|k| t.has(k));
+        if !scenario {
+            t.choice("kind", &words);
+        }
+        scenario
+    });
+    out.problems.extend(checker.finish().0);
+    if is_scenario == Some(true) {
+        out.problems.push(Problem {
+            file: toml.clone(),
+            key: "kind".into(),
+            what: "this is a scenario, not a model".into(),
+            remedy: format!("use `docktwin scenario check {}`", toml.display()),
+            ..Problem::default()
+        });
+    }
+}
+
 /// What a check of model files found, as lines of text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
+    /// The values behind `read`, without those derived from several.
+    pub values: Vec<ReadValue>,
+    /// The notes behind `ignored`.
+    pub notes: Vec<Note>,
+    /// The problems behind `refused`.
+    pub problems: Vec<Problem>,
     /// Files read.
     pub files: Vec<PathBuf>,
     /// Every value that is used, with unit and note.
@@ -44,7 +90,7 @@ impl Report {
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let mut lines: Vec<String> =
-            self.files.iter().map(|f| format!("file    {}", f.display())).collect();
+            self.files.iter().map(|f| format!("file    {}", f.to_string_lossy())).collect();
         lines.extend(self.read.iter().map(|l| format!("read    {l}")));
         lines.extend(self.ignored.iter().map(|l| format!("ignored {l}")));
         lines.extend(self.refused.iter().map(|l| format!("refused {l}")));
@@ -65,7 +111,10 @@ impl Report {
 pub fn model_check(path: &Path) -> Report {
     let urdf = path.with_extension("urdf");
     let mut out = Findings::default();
-    match kind_of(&path.with_extension("toml")) {
+    // Another file of the same name is not the one that was asked about.
+    let named = path.extension().is_some_and(|e| e == "urdf" || e == "toml");
+    let kind = named.then(|| kind_of(&path.with_extension("toml"))).flatten();
+    match kind {
         Some(Kind::Spacecraft) => {
             read_spacecraft(&urdf, true, &mut out);
         }
@@ -103,25 +152,24 @@ pub fn model_check(path: &Path) -> Report {
                 return report(out, lines);
             }
         }
-        None => out.problems.push(Problem {
-            file: path.into(),
-            key: "kind".into(),
-            what: "the TOML of this name cannot be read or names no known kind".into(),
-            allowed: "spacecraft | mechanism_active | mechanism_passive".into(),
-            remedy: "put a TOML of the same name beside the URDF with `kind = \"…\"`".into(),
-            ..Problem::default()
-        }),
+        None => unknown_kind(path, &mut out),
     }
     report(out, Vec::new())
 }
 
 fn report(out: Findings, derived: Vec<String>) -> Report {
+    let problems = input::first_of(out.problems, 0);
     let mut read: Vec<String> = out.values.iter().map(ToString::to_string).collect();
     read.extend(derived);
+    let mut files: Vec<PathBuf> = out.files.into_iter().map(|f| f.path).collect();
+    files.dedup();
     Report {
-        files: out.files.into_iter().map(|f| f.path).collect(),
+        files,
         read,
         ignored: out.notes.iter().map(ToString::to_string).collect(),
-        refused: out.problems.iter().map(ToString::to_string).collect(),
+        refused: problems.iter().map(ToString::to_string).collect(),
+        values: out.values,
+        notes: out.notes,
+        problems,
     }
 }

@@ -8,6 +8,7 @@
 //! shapes and meshes are generated; where its URDF repeats one of them the two must agree.
 
 mod check;
+pub mod input;
 mod load_mechanism;
 mod load_spacecraft;
 mod mechanism;

@@ -265,7 +265,7 @@ fn read_geometry(t: &Table<'_, '_>) -> SideGeometry {
 }
 
 fn read_ring_body(t: &Table<'_, '_>) -> RingBody {
-    let mass_kg = t.noted("mass_kg", Range::positive(1e5));
+    let mass_kg = t.noted("mass_kg", Range::within(1e-4, 1e5));
     let com_m = DVec3::from_array(t.noted_list("com_m", Range::within(-5.0, 5.0)));
     let rows = t.noted_rows::<3>("inertia_kg_m2", Range::within(-1e7, 1e7), Some(3));
     let Ok(rows) = <[[f64; 3]; 3]>::try_from(rows) else {

@@ -39,8 +39,8 @@ pub(crate) fn read_spacecraft(
             && !port_link.is_empty()
             && !tree.links.contains_key(&port_link)
         {
-            let names: Vec<_> = tree.links.keys().map(String::as_str).collect();
-            let remedy = format!("name one of {}, or add it to the URDF", names.join(", "));
+            let names = urdf::list(tree.links.keys().map(String::as_str));
+            let remedy = format!("name one of {names}, or add it to the URDF");
             t.refuse("port_link", "is not a link of the URDF", remedy);
         }
         t.section("numbers", |n| {

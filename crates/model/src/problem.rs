@@ -3,8 +3,10 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::Digest;
 
+use crate::input::{self, first_of, plain, shown};
+
 /// One thing wrong with a file: where, what stands there, what may stand there, what to do.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Problem {
     /// The file, as the caller named it.
     pub file: PathBuf,
@@ -26,30 +28,41 @@ pub struct Problem {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.key)?;
+        write!(f, "{}", shown(&self.key))?;
         if !self.value.is_empty() {
-            write!(f, " = {}", self.value)?;
+            write!(f, " = {}", shown(&self.value))?;
             if !self.unit.is_empty() {
                 write!(f, " {}", self.unit)?;
             }
         }
-        write!(f, ": {}", self.what)?;
+        write!(f, ": {}", one_line(&self.what))?;
         if !self.allowed.is_empty() {
-            write!(f, "; allowed: {}", self.allowed)?;
+            write!(f, "; allowed: {}", one_line(&self.allowed))?;
             if self.value.is_empty() && !self.unit.is_empty() {
                 write!(f, " {}", self.unit)?;
             }
         }
-        write!(f, "; {} [{}", self.remedy, self.file.display())?;
-        if let Some(line) = self.line {
-            write!(f, ":{line}")?;
-        }
-        write!(f, "]")
+        write!(f, "; {} ", one_line(&self.remedy))?;
+        place(f, &self.file, self.line)
     }
 }
 
+/// `[file:line]`.
+fn place(f: &mut fmt::Formatter<'_>, file: &Path, line: Option<usize>) -> fmt::Result {
+    write!(f, "[{}", one_line(&file.to_string_lossy()))?;
+    if let Some(line) = line {
+        write!(f, ":{line}")?;
+    }
+    write!(f, "]")
+}
+
+/// Words of ours with names from a file among them.
+fn one_line(text: &str) -> String {
+    plain(text).replace('\n', " ")
+}
+
 /// Something read and deliberately not used.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
     /// The file.
     pub file: PathBuf,
@@ -61,16 +74,13 @@ pub struct Note {
 
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} [{}", self.what, self.file.display())?;
-        if let Some(line) = self.line {
-            write!(f, ":{line}")?;
-        }
-        write!(f, "]")
+        write!(f, "{} ", one_line(&self.what))?;
+        place(f, &self.file, self.line)
     }
 }
 
 /// One value that was read and is used.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadValue {
     /// The file.
     pub file: PathBuf,
@@ -88,14 +98,15 @@ pub struct ReadValue {
 
 impl fmt::Display for ReadValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {}", self.key, self.value)?;
+        write!(f, "{} = {}", shown(&self.key), shown(&self.value))?;
         if !self.unit.is_empty() {
             write!(f, " {}", self.unit)?;
         }
         if !self.note.is_empty() {
-            write!(f, " ({})", self.note)?;
+            write!(f, " ({})", one_line(&self.note))?;
         }
-        Ok(())
+        f.write_str(" ")?;
+        place(f, &self.file, self.line)
     }
 }
 
@@ -143,32 +154,12 @@ pub(crate) struct Findings {
 impl Findings {
     /// Reads a text file; a failure becomes a problem and an empty text.
     pub(crate) fn read(&mut self, path: &Path, purpose: &str) -> Option<String> {
-        match std::fs::read(path) {
-            Err(error) => {
-                self.problems.push(Problem {
-                    file: path.into(),
-                    key: purpose.into(),
-                    what: format!("cannot be read ({error})"),
-                    remedy: "give the path of an existing file".into(),
-                    ..Problem::default()
-                });
-                None
-            }
-            Ok(bytes) => {
-                self.files.push(FileDigest { path: path.into(), digest: Digest::of_bytes(&bytes) });
-                String::from_utf8(bytes)
-                    .map_err(|error| {
-                        self.problems.push(Problem {
-                            file: path.into(),
-                            key: purpose.into(),
-                            what: format!("is not UTF-8 text ({error})"),
-                            remedy: "save it as UTF-8".into(),
-                            ..Problem::default()
-                        });
-                    })
-                    .ok()
-            }
-        }
+        let bytes = input::read_bytes(path, input::MAX_TEXT_BYTES);
+        let text = bytes.and_then(|bytes| {
+            self.files.push(FileDigest { path: path.into(), digest: Digest::of_bytes(&bytes) });
+            input::text_of(bytes)
+        });
+        text.map_err(|why| self.problems.push(why.problem(path, purpose))).ok()
     }
 
     /// The model, if nothing was wrong.
@@ -177,7 +168,7 @@ impl Findings {
             Some(model) if self.problems.is_empty() => {
                 Ok(Loaded { model, notes: self.notes, files: self.files })
             }
-            _ => Err(ModelErrors { problems: self.problems }),
+            _ => Err(ModelErrors { problems: first_of(self.problems, 0) }),
         }
     }
 

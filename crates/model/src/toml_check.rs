@@ -4,7 +4,7 @@
 //! text), so that reading goes on; the caller hands the result out only if there was no problem.
 //! Every key that is asked for counts as known; what remains is refused with the nearest known name.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::fmt;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::input::{self, Lines, is_unprintable};
 use crate::problem::{Problem, ReadValue};
 
 /// An allowed range of finite numbers.
@@ -89,42 +90,79 @@ pub fn unit_of(key: &str) -> &'static str {
     UNITS.iter().find(|(suffix, _)| key.ends_with(suffix)).map_or("", |(_, unit)| unit)
 }
 
+/// Problems that are kept before they are sorted and cut to those listed.
+const TOO_MANY: usize = 10_000;
+/// Longest name for which the nearest known one is looked for.
+const LONGEST_NAME: usize = 100;
+
 /// Collects what is read from one TOML text and what is wrong with it.
 #[derive(Debug)]
 pub struct Checker<'a> {
     path: PathBuf,
     text: &'a str,
+    lines: Lines,
     problems: RefCell<Vec<Problem>>,
     values: RefCell<Vec<ReadValue>>,
+    unlisted: Cell<usize>,
 }
 
 impl<'a> Checker<'a> {
     /// For the text of the file `path`.
     #[must_use]
     pub fn new(path: &Path, text: &'a str) -> Self {
-        Self { path: path.into(), text, problems: RefCell::default(), values: RefCell::default() }
+        Self {
+            path: path.into(),
+            text,
+            lines: Lines::of(text),
+            problems: RefCell::default(),
+            values: RefCell::default(),
+            unlisted: Cell::default(),
+        }
     }
 
     /// Parses, reads the whole document with `read`, and refuses every key not asked for. `None`
     /// when the text is not TOML; the syntax errors, all of them, are then among the problems.
     pub fn read<T>(&self, read: impl FnOnce(&Table<'_, '_>) -> T) -> Option<T> {
+        self.read_some(|table| {
+            let value = read(table);
+            table.refuse_unknown();
+            value
+        })
+    }
+
+    /// As [`Checker::read`], but lets keys be that were not asked for.
+    pub(crate) fn read_some<T>(&self, read: impl FnOnce(&Table<'_, '_>) -> T) -> Option<T> {
         let (root, errors) = DeTable::parse_recoverable(self.text);
+        let mut told = BTreeSet::new();
         for error in &errors {
+            let deep = error.message().contains("recurs");
+            let line = match error.span() {
+                Some(s) => Some(self.line(s.start)),
+                // Long dotted keys are refused without their place.
+                None => self.text.lines().position(|l| l.matches('.').count() > 50).map(|i| i + 1),
+            };
+            // One slip often makes a row of errors on its line.
+            if !told.insert((line, error.message())) {
+                continue;
+            }
             self.push(Problem {
-                line: error.span().map(|s| self.line(s.start)),
+                line,
                 key: "syntax".into(),
-                what: error.message().to_owned(),
-                remedy: "write valid TOML".into(),
+                what: match deep {
+                    true => "nests tables, lists or names deeper than 80".into(),
+                    false => input::shown(error.message()),
+                },
+                remedy: match deep {
+                    true => "no key of docktwin is deeper than five: flatten it".into(),
+                    false => "write valid TOML on this line".into(),
+                },
                 ..Problem::default()
             });
         }
         if !errors.is_empty() {
             return None;
         }
-        let table = Table::new(self, String::new(), Some(root.get_ref()), Some(1));
-        let value = read(&table);
-        table.refuse_unknown();
-        Some(value)
+        Some(read(&Table::new(self, String::new(), Some(root.get_ref()), Some(1))))
     }
 
     /// All problems and all values read, in the order of the file.
@@ -133,6 +171,7 @@ impl<'a> Checker<'a> {
         let mut problems = self.problems.into_inner();
         let mut values = self.values.into_inner();
         problems.sort_by_key(|p| p.line);
+        let problems = input::first_of(problems, self.unlisted.get());
         values.sort_by_key(|v| v.line);
         (problems, values)
     }
@@ -144,11 +183,17 @@ impl<'a> Checker<'a> {
     }
 
     fn push(&self, problem: Problem) {
-        self.problems.borrow_mut().push(Problem { file: self.path.clone(), ..problem });
+        let mut problems = self.problems.borrow_mut();
+        // Rubbish has more problems than anybody reads; memory is bounded too.
+        if problems.len() < TOO_MANY {
+            problems.push(Problem { file: self.path.clone(), ..problem });
+        } else {
+            self.unlisted.set(self.unlisted.get() + 1);
+        }
     }
 
     fn line(&self, offset: usize) -> usize {
-        1 + self.text.bytes().take(offset).filter(|b| *b == b'\n').count()
+        self.lines.at(offset)
     }
 }
 
@@ -326,6 +371,11 @@ impl<'c, 'a> Table<'c, 'a> {
     pub fn optional_text(&self, key: &'static str, allowed: &str) -> Option<String> {
         let e = self.entry(key)?;
         match e.value.as_str() {
+            Some(text) if text.chars().any(is_unprintable_in_text) => {
+                let what = "holds a character that cannot be printed";
+                self.wrong(key, &e, what, "printable text");
+                Some(String::new())
+            }
             Some(text) if !text.trim().is_empty() => {
                 self.record(key, &e, "");
                 Some(text.to_owned())
@@ -629,6 +679,11 @@ impl<'c, 'a> Table<'c, 'a> {
     }
 }
 
+/// Texts of several lines are texts.
+fn is_unprintable_in_text(c: char) -> bool {
+    is_unprintable(c) && !matches!(c, '\n' | '\r' | '\t')
+}
+
 /// "is a string", "is an array".
 fn is_a(value: &DeValue<'_>) -> String {
     let kind = value.type_str();
@@ -673,7 +728,11 @@ fn shown(value: &DeValue<'_>) -> String {
 }
 
 /// The name most like a given one: one that it begins, else that with the fewest edits between.
+/// `None` for a name far longer than any that is known.
 pub fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
     known.map(|n| (!n.starts_with(name), distance(name, n), n)).min().map(|(_, _, n)| n)
 }
 

@@ -5,10 +5,24 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use docktwin_core::{DMat3, DQuat, DVec3, Pose};
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, ParsingOptions};
 use urdf_rs::{Geometry, JointType, Robot};
 
+use crate::input::{Lines, is_unprintable, shown};
 use crate::problem::{Findings, Note, Problem, ReadValue};
+
+/// More than any URDF of ours by a factor of hundred.
+const MAX_NODES: u32 = 50_000;
+/// Deepest nesting of elements; URDF itself needs six.
+const MAX_DEPTH: usize = 32;
+/// Attributes of one element; a parser compares each with each.
+const MAX_ATTRIBUTES: usize = 64;
+/// Links of one URDF.
+const MAX_LINKS: usize = 1000;
+/// Placements and mesh sizes beyond this, m, are a slip of the unit.
+const FARTHEST_M: f64 = 1e4;
+/// Mass of one link, kg.
+pub(crate) const MASS_KG: (f64, f64) = (1e-4, 1e7);
 
 /// A URDF that is a tree of links, and where everything stands in it.
 pub(crate) struct UrdfTree {
@@ -136,13 +150,13 @@ fn numbers_in(tag: &str, attribute: &str) -> Option<usize> {
 
 struct Walk<'a> {
     path: &'a Path,
-    doc: &'a Document<'a>,
+    lines: &'a Lines,
     out: &'a mut Findings,
 }
 
 impl Walk<'_> {
     fn line(&self, node: Node<'_, '_>) -> Option<usize> {
-        Some(self.doc.text_pos_at(node.range().start).row as usize)
+        Some(self.lines.at(node.range().start))
     }
 
     fn refuse(&mut self, node: Node<'_, '_>, what: &str, remedy: &str) {
@@ -255,22 +269,49 @@ impl Walk<'_> {
                     file: self.path.into(),
                     line,
                     key,
-                    value: format!("\"{text}\""),
-                    what: "is not what is expected here".into(),
-                    allowed: format!("{count} finite number(s), separated by spaces"),
+                    value: shown(text),
+                    unit: unit_of(tag, attribute).into(),
+                    what: what_is_wrong(&parsed, count),
+                    allowed: match count {
+                        1 => "one finite number".into(),
+                        n => format!("{n} finite numbers, separated by spaces"),
+                    },
                     remedy: "change the value".into(),
-                    ..Problem::default()
                 });
                 return;
             }
-            let unit = match (tag, attribute) {
-                ("mass", _) => "kg",
-                ("inertia", _) => "kg·m²",
-                ("origin", "xyz") => "m",
-                ("origin", "rpy") => "rad",
-                _ => "",
+            let farthest = match (tag, attribute) {
+                ("origin", "xyz") => FARTHEST_M,
+                ("origin", "rpy") => core::f64::consts::TAU,
+                ("inertia", _) => 1e12,
+                _ => f64::INFINITY,
             };
+            let unit = unit_of(tag, attribute);
+            if parsed.iter().any(|x| x.abs() > farthest) {
+                self.out.problems.push(Problem {
+                    file: self.path.into(),
+                    line,
+                    key,
+                    value: shown(text),
+                    unit: unit.into(),
+                    what: "is out of range".into(),
+                    allowed: format!("≥ -{farthest} and ≤ {farthest} {unit}"),
+                    remedy: "change the value".into(),
+                });
+                return;
+            }
             self.read_value(line, key, text, unit);
+        } else if text.chars().any(is_unprintable) {
+            self.out.problems.push(Problem {
+                file: self.path.into(),
+                line,
+                key,
+                value: shown(text),
+                what: "holds a character that cannot be printed".into(),
+                allowed: "printable text on one line".into(),
+                remedy: "change the name".into(),
+                ..Problem::default()
+            });
         } else {
             self.read_value(line, key, text, "");
         }
@@ -281,23 +322,42 @@ impl Walk<'_> {
             file: self.path.into(),
             line,
             key,
-            value: text.to_owned(),
+            value: shown(text),
             unit: unit.into(),
             note: String::new(),
         });
     }
 }
 
+/// Unit of the numbers of an attribute.
+fn unit_of(tag: &str, attribute: &str) -> &'static str {
+    match (tag, attribute) {
+        ("mass", _) => "kg",
+        ("inertia", _) => "kg·m²",
+        ("origin", "xyz") => "m",
+        ("origin", "rpy") => "rad",
+        _ => "",
+    }
+}
+
+/// Numbers that cannot be used: how many there are, or which of them is none.
+fn what_is_wrong(parsed: &[f64], count: usize) -> String {
+    match parsed.iter().position(|x| !x.is_finite()) {
+        Some(_) if count == 1 && parsed.len() == 1 => "is not a finite number".into(),
+        Some(i) if parsed.len() == count => format!("number {} is not a finite number", i + 1),
+        _ => format!("has {} numbers", parsed.len()),
+    }
+}
+
 /// An element with the link or joint it belongs to.
 fn place(node: Node<'_, '_>) -> String {
-    let tag = node.tag_name().name();
+    let tag = shown(node.tag_name().name());
+    let name = |n: Node<'_, '_>| shown(n.attribute("name").unwrap_or("?"));
     let owner = node.ancestors().find(|n| matches!(n.tag_name().name(), "link" | "joint"));
     match owner {
-        Some(o) if o == node => format!("{tag} `{}`", o.attribute("name").unwrap_or("?")),
-        Some(o) => {
-            format!("{tag} of {} `{}`", o.tag_name().name(), o.attribute("name").unwrap_or("?"))
-        }
-        None => tag.to_owned(),
+        Some(o) if o == node => format!("{tag} `{}`", name(o)),
+        Some(o) => format!("{tag} of {} `{}`", o.tag_name().name(), name(o)),
+        None => tag,
     }
 }
 
@@ -312,33 +372,67 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
         remedy: remedy.into(),
         ..Problem::default()
     };
-    let doc = match Document::parse(text) {
+    if let Some(line) = crowded_tag(text) {
+        let what = format!("has more than {MAX_ATTRIBUTES} attributes in one element");
+        out.problems.push(problem(Some(line), "xml", what, "URDF needs six at most: remove them"));
+        return None;
+    }
+    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+    let doc = match Document::parse_with_options(text, options) {
         Ok(doc) => doc,
         Err(error) => {
             let line = Some(error.pos().row as usize);
-            out.problems.push(problem(line, "xml", error.to_string(), "write well-formed XML"));
+            let p = match error {
+                roxmltree::Error::NodesLimitReached => problem(
+                    None,
+                    "xml",
+                    format!("has more than {MAX_NODES} elements, texts and comments"),
+                    "a model of a docking needs some hundred: leave out what is not needed",
+                ),
+                roxmltree::Error::DtdDetected => problem(
+                    text.find("<!DOCTYPE").map(|at| Lines::of(text).at(at)),
+                    "xml",
+                    "has a DTD, whose entities URDF has no use for".into(),
+                    "remove `<!DOCTYPE …>`",
+                ),
+                error => problem(line, "xml", shown(&error.to_string()), "write well-formed XML"),
+            };
+            out.problems.push(p);
             return None;
         }
     };
+    let line_of = Lines::of(text);
+    // `urdf-rs` recurses into everything, also into what the walk below leaves out.
+    let too_deep = deepest(&doc).filter(|(depth, _)| *depth > MAX_DEPTH);
+    if let Some((depth, node)) = too_deep {
+        out.problems.push(problem(
+            Some(line_of.at(node.range().start)),
+            "xml",
+            format!("nests elements {depth} deep; allowed: at most {MAX_DEPTH}"),
+            "URDF needs six: close the elements",
+        ));
+        return None;
+    }
     let root = doc.root_element();
     if root.tag_name().name() != "robot" {
         out.problems.push(problem(
             Some(1),
-            root.tag_name().name(),
+            &shown(root.tag_name().name()),
             "is not a URDF".into(),
             "the outermost element of a URDF is `robot`; expand xacro first",
         ));
         return None;
     }
     let problems_before = out.problems.len();
-    Walk { path, doc: &doc, out }.element(root);
+    Walk { path, lines: &line_of, out }.element(root);
 
     let robot = match urdf_rs::read_from_string(text) {
         Ok(robot) => robot,
         Err(error) => {
             // What the walk found is the cause; otherwise urdf-rs knows something we do not.
             if out.problems.len() == problems_before {
-                out.problems.push(problem(None, "robot", error.to_string(), "mend the element"));
+                let what = shown(&error.to_string());
+                out.problems.push(problem(Some(1), "robot", what, "mend the element"));
             }
             return None;
         }
@@ -348,7 +442,7 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
     for node in root.children().filter(Node::is_element) {
         let tag = node.tag_name().name();
         let name = node.attribute("name").unwrap_or_default();
-        lines.insert(format!("{tag} {name}"), doc.text_pos_at(node.range().start).row as usize);
+        lines.insert(format!("{tag} {name}"), line_of.at(node.range().start));
         if tag == "link" && node.children().any(|c| c.tag_name().name() == "inertial") {
             with_inertial.insert(name.to_owned());
         }
@@ -370,12 +464,17 @@ fn place_links(
         out.problems.push(Problem {
             file: path.into(),
             line: lines.get(&format!("{tag} {name}")).copied(),
-            key: format!("{tag} `{name}`"),
+            key: format!("{tag} `{}`", shown(name)),
             what,
             remedy,
             ..Problem::default()
         });
     };
+    if robot.links.len() > MAX_LINKS {
+        let what = format!("has {} links; allowed: at most {MAX_LINKS}", robot.links.len());
+        refuse("robot", &robot.name, what, "leave out links that carry no mass".into());
+        return None;
+    }
     let mut names = BTreeSet::new();
     for link in &robot.links {
         if !names.insert(link.name.as_str()) {
@@ -393,7 +492,7 @@ fn place_links(
                 refuse(
                     "joint",
                     &j.name,
-                    format!("names the link `{end}`, which does not exist"),
+                    format!("names the link `{}`, which does not exist", shown(end)),
                     format!("add the link or name one of {}", list(names.iter().copied())),
                 );
             }
@@ -459,14 +558,14 @@ fn check_meshes(
                 out.problems.push(Problem {
                     file: path.into(),
                     line: lines.get(&format!("link {}", link.name)).copied(),
-                    key: format!("mesh of link `{}`", link.name),
-                    value: filename.clone(),
+                    key: format!("mesh of link `{}`", shown(&link.name)),
+                    value: shown(filename),
                     what: what.into(),
                     remedy: remedy.into(),
                     ..Problem::default()
                 });
             };
-            if filename.contains("://") {
+            if filename.contains("://") || Path::new(filename).is_absolute() {
                 refuse("is not a relative path", "give the path from the folder of the URDF");
             } else if must_exist && !folder.join(filename).is_file() {
                 refuse("does not exist", "run `cargo xtask meshes`, or mend the file name");
@@ -529,7 +628,7 @@ pub(crate) fn mass_of(
         out.problems.push(Problem {
             file: path.into(),
             line: tree.line("link", &link.name),
-            key: format!("{key} of link `{}`", link.name),
+            key: format!("{key} of link `{}`", shown(&link.name)),
             value,
             unit: unit.into(),
             what: what.into(),
@@ -537,8 +636,10 @@ pub(crate) fn mass_of(
             remedy: "change the inertial in the URDF".into(),
         });
     };
-    if !(mass_kg > 0.0 && mass_kg <= 1e7) {
-        refuse("mass", mass_kg.to_string(), "kg", "is out of range", "> 0 and ≤ 10000000");
+    let (least, most) = MASS_KG;
+    if !(mass_kg >= least && mass_kg <= most) {
+        let allowed = format!("≥ {least} and ≤ {most} kg");
+        refuse("mass", mass_kg.to_string(), "kg", "is out of range", &allowed);
     }
     let p = principal_moments(inertia);
     let shown = format!("principal moments {:.6} {:.6} {:.6}", p[0], p[1], p[2]);
@@ -601,6 +702,65 @@ pub(crate) fn is_fixed(kind: &JointType) -> bool {
     *kind == JointType::Fixed
 }
 
-fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
+/// Names in a row, a dozen at most.
+pub(crate) fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let mut names = names.map(|n| format!("`{}`", shown(n)));
+    let mut text = names.by_ref().take(12).collect::<Vec<_>>().join(", ");
+    match names.count() {
+        0 => {}
+        more => text.push_str(&format!(" and {more} more")),
+    }
+    text
+}
+
+/// Line of the first element with more attributes than any of URDF. Looked for before parsing.
+fn crowded_tag(text: &str) -> Option<usize> {
+    let mut at = 0;
+    while let Some(open) = text[at..].find('<').map(|i| at + i) {
+        let rest = &text[open..];
+        if rest.starts_with("<!--") {
+            at = open + rest.find("-->")?;
+            continue;
+        }
+        // To the end of the tag; a `>` may stand in quotes.
+        let (mut quote, mut attributes, mut end) = (None, 0, rest.len());
+        for (i, b) in rest.bytes().enumerate() {
+            match (quote, b) {
+                (None, b'"' | b'\'') => quote = Some(b),
+                (Some(q), b) if q == b => quote = None,
+                (None, b'=') => attributes += 1,
+                (None, b'>') => {
+                    end = i;
+                    break;
+                }
+                _ => {}
+            }
+        }
+        if attributes > MAX_ATTRIBUTES {
+            return Some(Lines::of(text).at(open));
+        }
+        at = open + end;
+    }
+    None
+}
+
+/// The deepest element and how deep it is.
+fn deepest<'a>(doc: &'a Document<'a>) -> Option<(usize, Node<'a, 'a>)> {
+    let mut found: Option<(usize, Node<'a, 'a>)> = None;
+    let (mut at, mut depth) = (doc.root(), 0);
+    loop {
+        if let Some(child) = at.first_child() {
+            (at, depth) = (child, depth + 1);
+        } else {
+            while at.next_sibling().is_none() {
+                let Some(parent) = at.parent() else { return found };
+                (at, depth) = (parent, depth - 1);
+            }
+            let Some(next) = at.next_sibling() else { return found };
+            at = next;
+        }
+        if at.is_element() && found.is_none_or(|(d, _)| depth > d) {
+            found = Some((depth, at));
+        }
+    }
 }

@@ -18,7 +18,13 @@ use crate::{Event, RECORD_SCHEMA, RecordError, SUMMARY_SCHEMA, Summary, files};
 
 /// No chunk of ours comes near this; a larger one is taken for damage, not for memory to be asked
 /// for.
-const MAX_CHUNK_BYTES: usize = 1 << 28;
+const MAX_CHUNK_BYTES: usize = 1 << 26;
+/// The same for the metadata before the first chunk; ours have some ten thousand bytes.
+const MAX_HEAD_BYTES: u64 = 1 << 22;
+/// Columns that are taken for real.
+const MAX_COLUMNS: usize = 10_000;
+/// Longest line of `events.jsonl`, and longest summary.
+const MAX_TEXT_BYTES: u64 = 1 << 24;
 const RECORD_HEADER: usize = 9;
 
 /// One tick as it was recorded.
@@ -131,7 +137,11 @@ impl RunReader {
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, RecordError> {
         let dir = dir.as_ref().to_path_buf();
         let path = dir.join(files::LOG);
-        let file = File::open(&path).map_err(|e| RecordError::io("open the log", &path, &e))?;
+        if dir.is_file() {
+            let why = "this is a file; give the run directory, which holds run.mcap".into();
+            return Err(RecordError::NotARecording { why, path: dir });
+        }
+        let file = open_file(&path, "open the log")?;
         let mut r = Self {
             dir,
             path,
@@ -257,11 +267,11 @@ impl RunReader {
     pub fn events(&self) -> Result<Vec<Event>, RecordError> {
         let path = self.dir.join(files::EVENTS);
         let io_error = |e: io::Error| RecordError::io("read the events", &path, &e);
-        let mut file = BufReader::new(File::open(&path).map_err(io_error)?);
+        let mut file = BufReader::new(open_file(&path, "read the events")?);
         let (mut out, mut line) = (Vec::new(), String::new());
         loop {
             line.clear();
-            file.read_line(&mut line).map_err(io_error)?;
+            (&mut file).take(MAX_TEXT_BYTES).read_line(&mut line).map_err(io_error)?;
             if !line.ends_with('\n') {
                 return Ok(out);
             }
@@ -278,11 +288,13 @@ impl RunReader {
     /// The file cannot be read, is no summary, or is of a newer schema.
     pub fn summary(&self) -> Result<Option<Summary>, RecordError> {
         let path = self.dir.join(files::SUMMARY);
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(RecordError::io("read the summary", &path, &e)),
+        let mut text = String::new();
+        let read = match open_file(&path, "read the summary") {
+            Ok(file) => file.take(MAX_TEXT_BYTES).read_to_string(&mut text),
+            Err(RecordError::Io { kind: io::ErrorKind::NotFound, .. }) => return Ok(None),
+            Err(e) => return Err(e),
         };
+        read.map_err(|e| RecordError::io("read the summary", &path, &e))?;
         let bad = |e: serde_json::Error| RecordError::NotARecording {
             why: format!("this is no summary ({e})"),
             path: path.clone(),
@@ -302,7 +314,12 @@ impl RunReader {
     /// The file cannot be read.
     pub fn scenario_toml(&self) -> Result<String, RecordError> {
         let path = self.dir.join(files::SCENARIO);
-        fs::read_to_string(&path).map_err(|e| RecordError::io("read the scenario", &path, &e))
+        let mut text = String::new();
+        open_file(&path, "read the scenario")?
+            .take(MAX_TEXT_BYTES)
+            .read_to_string(&mut text)
+            .map_err(|e| RecordError::io("read the scenario", &path, &e))?;
+        Ok(text)
     }
 
     fn seek(&mut self, to: u64) -> Result<(), RecordError> {
@@ -327,6 +344,9 @@ impl RunReader {
         }
         let mut tables: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
         while !tables.contains_key(METADATA_PAIRS) {
+            if self.at > MAX_HEAD_BYTES {
+                return Err(self.not_ours("its metadata are larger than any of docktwin"));
+            }
             let record = self.next_record().and_then(|()| {
                 let (op, body) = (self.record[0], &self.record[RECORD_HEADER..]);
                 match op {
@@ -361,6 +381,9 @@ impl RunReader {
             .into_values()
             .map(|text| column_of(&text).ok_or_else(|| self.not_ours(format!("column `{text}`"))))
             .collect::<Result<_, _>>()?;
+        if self.columns.len() > MAX_COLUMNS {
+            return Err(self.not_ours(format!("it has {} columns", self.columns.len())));
+        }
         let problems = column::problems(&self.columns);
         if !problems.is_empty() {
             return Err(RecordError::Columns(problems));
@@ -395,9 +418,10 @@ impl RunReader {
         if len.saturating_add(RECORD_HEADER as u64) > left {
             return Err(Stop::Cut("the file ends within a record".into()));
         }
+        let most = if self.chunks_at == 0 { MAX_HEAD_BYTES } else { MAX_CHUNK_BYTES as u64 };
         let len = usize::try_from(len)
             .ok()
-            .filter(|n| *n <= MAX_CHUNK_BYTES)
+            .filter(|n| *n as u64 <= most)
             .ok_or_else(|| Stop::Cut(format!("a record of {len} bytes")))?;
         self.record.clear();
         self.record.extend_from_slice(&header);
@@ -536,6 +560,16 @@ impl ChunkTicks<'_> {
         self.messages = 0;
         whole.then_some(()).ok_or_else(|| Stop::Cut("a tick without all its columns".into()))
     }
+}
+
+/// Opens a regular file: a pipe or a device would wait or never end.
+fn open_file(path: &Path, action: &'static str) -> Result<File, RecordError> {
+    let meta = fs::metadata(path).map_err(|e| RecordError::io(action, path, &e))?;
+    if !meta.is_file() {
+        let e = io::Error::new(io::ErrorKind::InvalidInput, "this is not a regular file");
+        return Err(RecordError::io(action, path, &e));
+    }
+    File::open(path).map_err(|e| RecordError::io(action, path, &e))
 }
 
 /// Reads `float64 /chaser/truth chaser_position_x_m`.

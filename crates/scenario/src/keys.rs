@@ -4,6 +4,7 @@
 use core::fmt::Write as _;
 
 use docktwin_model::contact_ranges as contact;
+use docktwin_model::input::shown;
 use docktwin_model::toml_check::{Range, nearest, unit_of};
 
 /// What may stand behind a key.
@@ -49,7 +50,12 @@ const TOLERANCE: Range = Range::within(1e-9, 1.0);
 
 pub(crate) const KEYS: &[Key] = &[
     key("schema", Shape::Count(1, 1), "Version of this file format; 1, and it must be there."),
-    key("name", Shape::Text, "Name of the scenario; run directories are called after it."),
+    key(
+        "name",
+        Shape::Text,
+        "Name of the scenario; run directories are called after it. Letters, digits, `_`, `-` and \
+         `.`, beginning with a letter or digit, at most 100.",
+    ),
     key("description", Shape::Text, "What happens, in a sentence or two."),
     key(
         "chaser.model",
@@ -175,7 +181,7 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "run.duration_s",
         Shape::Number(Range::positive(1e5)),
-        "Simulated time after which the run ends at the latest.",
+        "Simulated time after which the run ends at the latest; at most 1e8 ticks.",
     ),
     key(
         "run.tick_s",
@@ -243,6 +249,29 @@ pub(crate) const KEYS: &[Key] = &[
     ),
 ];
 
+/// A scenario file with every key once.
+pub(crate) const EXAMPLE: &str = include_str!("example.toml");
+
+/// The line of the example file that gives a key, or an empty text.
+fn example(key: &str) -> &'static str {
+    let mut table = "";
+    for line in EXAMPLE.lines().map(str::trim) {
+        if line.starts_with('[') {
+            table = line.trim_matches(['[', ']']);
+        } else if let Some((name, _)) = line.split_once('=') {
+            let rest = if table.is_empty() {
+                Some(key)
+            } else {
+                key.strip_prefix(table).and_then(|k| k.strip_prefix('.'))
+            };
+            if rest == Some(name.trim()) {
+                return line;
+            }
+        }
+    }
+    ""
+}
+
 /// The entry of a key, given with or without indices of arrays.
 pub(crate) fn find(path: &str) -> Option<&'static Key> {
     let plain = without_indices(path);
@@ -256,34 +285,83 @@ fn without_indices(path: &str) -> String {
 
 /// A key that no scenario has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{key}` is no key of a scenario; did you mean `{nearest}`? `scenario explain` lists all")]
+#[error("`{key}` is no key of a scenario{}", question(nearest))]
 pub struct UnknownKey {
-    /// What was asked for.
+    /// What was asked for, printable and cut when long.
     pub key: String,
-    /// The key most like it.
+    /// The key most like it; empty when none is.
     pub nearest: String,
 }
 
-/// Meaning, unit, range and default of one key, of all keys of one table, or of every key.
+fn question(nearest: &str) -> String {
+    if nearest.is_empty() { String::new() } else { format!("; did you mean `{nearest}`?") }
+}
+
+/// One key as a script sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Explained {
+    /// Dotted path.
+    pub key: &'static str,
+    /// What it means.
+    pub meaning: &'static str,
+    /// Unit; empty for none.
+    pub unit: &'static str,
+    /// Kind of value, unit, range, and whether it is required or what its default is, in words.
+    pub allowed: String,
+    /// A line of a scenario file that gives it.
+    pub example: &'static str,
+}
+
+/// The keys that [`explain`] tells about.
 ///
 /// # Errors
 /// No key and no table has this name.
-pub fn explain(key: Option<&str>) -> Result<String, UnknownKey> {
+pub fn explained(key: Option<&str>) -> Result<Vec<Explained>, UnknownKey> {
     let plain = key.map(without_indices);
     let wanted = |k: &Key| {
         plain.as_ref().is_none_or(|p| {
             k.key == p || k.key.strip_prefix(p.as_str()).is_some_and(|rest| rest.starts_with('.'))
         })
     };
-    let mut text = String::new();
-    for k in KEYS.iter().filter(|k| wanted(k)) {
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "{}\n    {}\n    {}", k.key, allowed(k), k.meaning);
+    let found: Vec<Explained> = KEYS
+        .iter()
+        .filter(|k| wanted(k))
+        .map(|k| Explained {
+            key: k.key,
+            meaning: k.meaning,
+            unit: unit_of(k.key),
+            allowed: allowed(k),
+            example: example(k.key),
+        })
+        .collect();
+    if found.is_empty() {
+        let asked = plain.unwrap_or_default();
+        // The last word alone may be meant, without its table.
+        let of_a_table = KEYS.iter().find(|k| k.key.rsplit('.').next() == Some(asked.as_str()));
+        let nearest = of_a_table
+            .map(|k| k.key)
+            .or_else(|| nearest(&asked, KEYS.iter().map(|k| k.key)))
+            .unwrap_or_default()
+            .to_owned();
+        return Err(UnknownKey { key: shown(&asked), nearest });
     }
-    if text.is_empty() {
-        let key = plain.unwrap_or_default();
-        let nearest = nearest(&key, KEYS.iter().map(|k| k.key)).unwrap_or_default().to_owned();
-        return Err(UnknownKey { key, nearest });
+    Ok(found)
+}
+
+/// Meaning, unit, range, default and an example of one key, of all keys of one table, or of every
+/// key.
+///
+/// # Errors
+/// No key and no table has this name.
+pub fn explain(key: Option<&str>) -> Result<String, UnknownKey> {
+    let mut text = String::new();
+    for k in explained(key)? {
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{}\n    {}\n    {}\n    example: {}",
+            k.key, k.allowed, k.meaning, k.example
+        );
     }
     Ok(text)
 }

@@ -10,7 +10,7 @@ mod load;
 mod overrides;
 
 pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
-pub use keys::{UnknownKey, explain};
+pub use keys::{Explained, UnknownKey, explain, explained};
 pub use load::{
     Body, InitialConditions, RunSettings, Scenario, ScenarioErrors, Thrust, Trigger, load_scenario,
     resolve_path,

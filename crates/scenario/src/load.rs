@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Digest, Euler};
+use docktwin_model::input;
 use docktwin_model::toml_check::{Checker, Range, Table};
 use docktwin_model::{
     AttenuationChoice, ContactLaw, DockingMechanism, FileDigest, Loaded, ModelErrors, NormalLaw,
@@ -10,6 +11,15 @@ use docktwin_model::{
 use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
 use crate::keys::{Shape, find};
 use crate::overrides;
+
+/// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
+const MOST_TICKS: f64 = 1e8;
+/// Steps of a run: more than a week of computing.
+const MOST_STEPS: f64 = 1e10;
+/// Longest free flight from the start to first contact, s; it is computed back in short steps.
+const LONGEST_APPROACH_S: f64 = 1000.0;
+/// Characters of a scenario's name.
+const LONGEST_NAME: usize = 100;
 
 /// A scenario with everything it names, checked. Angles are radians.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,20 +165,12 @@ pub fn load_scenario(
     path: &Path,
     overrides: &[(String, String)],
 ) -> Result<Scenario, ScenarioErrors> {
-    let alone = |what: String, remedy: &str| ScenarioErrors {
-        problems: vec![Problem {
-            file: path.into(),
-            key: "scenario".into(),
-            what,
-            remedy: remedy.into(),
-            ..Problem::default()
-        }],
-    };
-    let bytes = std::fs::read(path)
-        .map_err(|e| alone(format!("cannot be read ({e})"), "give the path of a scenario file"))?;
-    let digest = Digest::of_bytes(&bytes);
-    let text = String::from_utf8(bytes)
-        .map_err(|e| alone(format!("is not UTF-8 text ({e})"), "save it as UTF-8"))?;
+    let read = input::read_bytes(path, input::MAX_TEXT_BYTES).and_then(|bytes| {
+        let digest = Digest::of_bytes(&bytes);
+        Ok((input::text_of(bytes)?, digest))
+    });
+    let (text, digest) =
+        read.map_err(|why| ScenarioErrors { problems: vec![why.problem(path, "scenario")] })?;
 
     let mut problems = Vec::new();
     let effective = apply(path, &text, overrides, &mut problems);
@@ -224,8 +226,8 @@ fn apply(
         if let Err(what) = overrides::set(&mut document, key, value) {
             problems.push(Problem {
                 file: path.into(),
-                key: format!("--set {key}"),
-                value: value.clone(),
+                key: format!("--set {}", input::shown(key)),
+                value: input::shown(value),
                 what,
                 remedy:
                     "give an existing key as --set key.path=value; `scenario explain` lists all"
@@ -246,7 +248,9 @@ fn relate_to_original(
     problems: &mut [Problem],
 ) {
     let lines = overrides::lines(text);
-    let ours = |p: &&mut Problem| p.file == path && p.key != "syntax" && !p.key.contains(' ');
+    let ours = |p: &&mut Problem| {
+        p.file == path && !["syntax", "more"].contains(&p.key.as_str()) && !p.key.contains(' ')
+    };
     for p in problems.iter_mut().filter(ours) {
         if overrides.iter().any(|(key, _)| *key == p.key) {
             p.key = format!("--set {}", p.key);
@@ -332,6 +336,24 @@ fn vector(t: &Table<'_, '_>, keys: [&'static str; 3]) -> DVec3 {
     DVec3::from_array(keys.map(|k| number(t, k)))
 }
 
+/// A name that is a file name everywhere: run directories are called after it.
+fn read_name(t: &Table<'_, '_>) -> String {
+    let name = t.text("name", "text");
+    let first = name.chars().next().is_none_or(char::is_alphanumeric);
+    let others = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'));
+    if !(first && others && name.chars().count() <= LONGEST_NAME) {
+        t.refuse(
+            "name",
+            format!(
+                "is no name for a run directory: letters, digits, `_`, `-` and `.`, beginning with \
+                 a letter or digit, at most {LONGEST_NAME}"
+            ),
+            "change the name",
+        );
+    }
+    name
+}
+
 pub(crate) fn read_scenario(t: &Table<'_, '_>) -> Said {
     if count(t, "schema").is_none() {
         t.refuse("schema", "is missing", "add `schema = 1`");
@@ -348,7 +370,7 @@ pub(crate) fn read_scenario(t: &Table<'_, '_>) -> Said {
         )
     });
     Said {
-        name: t.text("name", "text"),
+        name: read_name(t),
         description: t.text("description", "text"),
         chaser,
         target,
@@ -383,8 +405,17 @@ fn read_contact(t: &Table<'_, '_>) -> ContactOverrides {
 
 fn read_initial(t: &Table<'_, '_>) -> InitialConditions {
     let rates = ["roll_rate_deg_s", "pitch_rate_deg_s", "yaw_rate_deg_s"];
+    let (axial_speed_m_s, gap_m) = (number(t, "axial_speed_m_s"), number(t, "gap_m"));
+    let approach_s = gap_m / axial_speed_m_s;
+    if approach_s > LONGEST_APPROACH_S {
+        let what = format!(
+            "needs {approach_s:.1e} s over the gap of {gap_m} m to first contact, at most \
+             {LONGEST_APPROACH_S} s are allowed"
+        );
+        t.refuse("axial_speed_m_s", what, "make it larger, or initial.gap_m smaller");
+    }
     InitialConditions {
-        axial_speed_m_s: number(t, "axial_speed_m_s"),
+        axial_speed_m_s,
         lateral_m: [number(t, "lateral_y_m"), number(t, "lateral_z_m")],
         lateral_speed_m_s: [number(t, "lateral_speed_y_m_s"), number(t, "lateral_speed_z_m_s")],
         attitude: Euler::from_degrees(
@@ -393,7 +424,7 @@ fn read_initial(t: &Table<'_, '_>) -> InitialConditions {
             number(t, "yaw_deg"),
         ),
         rates_rad_s: vector(t, rates) * (core::f64::consts::PI / 180.0),
-        gap_m: number(t, "gap_m"),
+        gap_m,
     }
 }
 
@@ -407,16 +438,29 @@ fn read_run(t: &Table<'_, '_>) -> RunSettings {
     if tick_s > duration_s {
         t.refuse("tick_s", "is longer than the run", "make it shorter than duration_s");
     }
+    if duration_s / tick_s > MOST_TICKS {
+        let what = format!(
+            "gives {:.1e} ticks of {tick_s} s, at most {MOST_TICKS:e} can be recorded",
+            duration_s / tick_s
+        );
+        t.refuse("duration_s", what, "shorten the run, or make run.tick_s longer");
+    }
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "0.00001 s to 0.1 s, or NaN, which was reported and becomes 0"
     )]
     let tick_nanos = nanos as u64;
+    let steps_per_tick = count(t, "steps_per_tick");
+    let steps = steps_per_tick.map_or(0.0, f64::from) * duration_s / tick_s;
+    if steps > MOST_STEPS && duration_s / tick_s <= MOST_TICKS {
+        let what = format!("makes {steps:.1e} steps of the run, at most {MOST_STEPS:e} are taken");
+        t.refuse("steps_per_tick", what, "make it smaller, or shorten the run");
+    }
     RunSettings {
         duration_s,
         tick_nanos,
-        steps_per_tick: count(t, "steps_per_tick"),
+        steps_per_tick,
         stop_when_decided: flag(t, "stop_when_decided"),
     }
 }

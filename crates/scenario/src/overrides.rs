@@ -2,8 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use docktwin_model::input::Lines;
 use toml::de::{DeTable, DeValue};
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
+
+/// Names in the longest path of a key.
+const DEEPEST: usize = 8;
+/// Bytes of the longest path of a key.
+const LONGEST: usize = 200;
 
 /// Puts one value into the document, making tables on the way. A value that is not TOML is taken as
 /// text, so that words need no quotes.
@@ -11,6 +17,9 @@ pub(crate) fn set(document: &mut DocumentMut, path: &str, value: &str) -> Result
     let parts: Vec<&str> = path.split('.').map(str::trim).collect();
     if parts.iter().any(|p| p.is_empty()) {
         return Err("is not a key path".into());
+    }
+    if parts.len() > DEEPEST {
+        return Err(format!("is a path of {} names; no key has more than {DEEPEST}", parts.len()));
     }
     let value = value.trim().parse::<Value>().unwrap_or_else(|_| Value::from(value.trim()));
     let Some((last, tables)) = parts.split_last() else { return Err("is empty".into()) };
@@ -63,12 +72,16 @@ fn set_in(
 pub(crate) fn lines(text: &str) -> BTreeMap<String, usize> {
     let (root, _) = DeTable::parse_recoverable(text);
     let mut lines = BTreeMap::new();
-    walk(text, "", root.get_ref(), &mut lines);
+    walk(&Lines::of(text), "", root.get_ref(), &mut lines);
     lines
 }
 
-fn walk(text: &str, prefix: &str, table: &DeTable<'_>, lines: &mut BTreeMap<String, usize>) {
-    let line = |offset: usize| 1 + text.bytes().take(offset).filter(|b| *b == b'\n').count();
+fn walk(text: &Lines, prefix: &str, table: &DeTable<'_>, lines: &mut BTreeMap<String, usize>) {
+    // No key of ours is longer; a long one would be repeated for each key inside.
+    if prefix.len() > LONGEST {
+        return;
+    }
+    let line = |offset: usize| text.at(offset);
     for (k, v) in table {
         let path = if prefix.is_empty() {
             k.get_ref().to_string()

@@ -5,7 +5,7 @@ use docktwin_core::DVec3;
 use docktwin_model::toml_check::Checker;
 use docktwin_model::{AttenuationChoice, Attenuator, NormalLaw};
 
-use crate::keys::{KEYS, Shape, find};
+use crate::keys::{EXAMPLE, KEYS, Shape, find};
 use crate::load::read_scenario;
 use crate::*;
 
@@ -26,81 +26,7 @@ fn load(pairs: &[(&str, &str)]) -> Scenario {
 }
 
 /// A scenario with every section; models are those of the repository.
-const WHOLE: &str = r#"
-schema = 1
-name = "whole"
-description = "every key"
-[chaser]
-model = "models/urdf/chaser_8t.urdf"
-[target]
-model = "models/urdf/target_12t.urdf"
-[mechanism]
-active = "models/urdf/apas_active.urdf"
-passive = "models/urdf/apas_passive.urdf"
-attenuation = "differential"
-petals = true
-[mechanism.contact]
-normal_law = "hunt_crossley"
-stiffness_n_m = 2e6
-exponent = 1.5
-damping_s_m = 0.5
-damping_n_s_m = 4000.0
-friction_kinetic = 0.2
-friction_static = 0.3
-stribeck_velocity_m_s = 0.004
-bristle_breakaway_m = 1e-4
-bristle_damping_s = 0.001
-merge_depth_m = 1e-4
-[initial]
-axial_speed_m_s = 0.1
-lateral_y_m = 0.01
-lateral_z_m = 0.02
-lateral_speed_y_m_s = 0.03
-lateral_speed_z_m_s = 0.04
-roll_deg = 1.0
-pitch_deg = 2.0
-yaw_deg = 3.0
-roll_rate_deg_s = 0.1
-pitch_rate_deg_s = 0.2
-yaw_rate_deg_s = 0.3
-gap_m = 0.1
-[run]
-duration_s = 20.0
-tick_s = 0.002
-steps_per_tick = 7
-stop_when_decided = true
-[[thrust]]
-on = "chaser"
-after = "first_contact"
-delay_s = 0.5
-duration_s = 3.0
-force_x_n = 1.0
-force_y_n = 2.0
-force_z_n = 3.0
-moment_x_nm = 4.0
-moment_y_nm = 5.0
-moment_z_nm = 6.0
-until_capture = true
-[expect]
-outcome = "captured"
-because = "of nothing"
-first_contact_after_s = 0.1
-first_contact_before_s = 2.0
-capture_after_s = 0.2
-capture_before_s = 9.0
-peak_force_above_n = 1.0
-peak_force_below_n = 9000.0
-peak_force_n = 1000.0
-peak_force_tolerance = 0.1
-peak_moment_below_nm = 9000.0
-peak_penetration_below_m = 0.01
-impulse_above_ns = 1.0
-impulse_below_ns = 9000.0
-impulse_ns = 1000.0
-impulse_tolerance = 0.1
-exit_speed_m_s = 0.01
-exit_speed_tolerance = 0.1
-"#;
+const WHOLE: &str = EXAMPLE;
 
 /// Writes `WHOLE` with one text replaced into `scenarios/` of a folder that has our models.
 fn problems_of(from: &str, to: &str) -> Vec<docktwin_model::Problem> {
@@ -165,19 +91,26 @@ fn invariant_every_key_is_read_and_explained() {
     for k in KEYS {
         let text = explain(Some(k.key)).expect("explained");
         assert!(text.contains(k.meaning) && k.meaning.ends_with('.'), "{}", k.key);
+        let name = k.key.rsplit('.').next().expect("a name");
+        assert!(text.contains(&format!("    example: {name} = ")), "{text}");
     }
 }
 
 #[test]
 fn regress_explain() {
     let all = explain(None).expect("all keys");
-    assert_eq!(all.lines().count(), 3 * KEYS.len());
+    assert_eq!(all.lines().count(), 4 * KEYS.len());
     let gap = explain(Some("initial.gap_m")).expect("one key");
     assert!(gap.contains("number, m, > 0 and ≤ 10; default 0.05"), "{gap}");
     assert_eq!(explain(Some("thrust.0.on")), explain(Some("thrust.on")));
     assert!(explain(Some("initial")).expect("a table").lines().count() > 30);
     let unknown = explain(Some("initial.gap")).expect_err("no such key");
     assert_eq!(unknown.nearest, "initial.gap_m");
+    // The name alone, without its table, and one unlike anything.
+    assert_eq!(explain(Some("gap_m")).expect_err("a table is missing").nearest, "initial.gap_m");
+    let strange = explain(Some(&"x\u{1b}".repeat(500))).expect_err("no such key");
+    assert!(strange.nearest.is_empty() && strange.key.chars().count() < 1000, "{strange}");
+    assert!(!strange.to_string().contains('\u{1b}'), "{strange}");
 }
 
 #[test]
@@ -382,7 +315,11 @@ const BAD: &[(&str, &str, &str)] = &[
     ("force_x_n = 1.0", "force_x = 1.0", "did you mean `force_x_n`?"),
     ("outcome = \"captured\"", "outcome = \"docked\"", "captured | rebounded | missed"),
     ("outcome = \"captured\"", "outcome = \"missed\"", "the outcome excludes"),
-    ("because = \"of nothing\"", "", "why physics gives this outcome"),
+    (
+        "because = \"8.6 J of closing energy against less than 1 J in the soft channels.\"",
+        "",
+        "why physics gives this outcome",
+    ),
     ("capture_before_s = 9.0", "capture_before_s = 0.1", "leaves nothing"),
     ("peak_force_tolerance = 0.1", "", "has no `peak_force_tolerance`"),
     ("impulse_ns = 1000.0", "", "has no `impulse_ns`"),

@@ -1,0 +1,29 @@
+//! What is printed. Texts from files may hold terminal commands, and a reader of stdout may leave.
+
+use core::fmt;
+use std::io::{ErrorKind, Write};
+
+use docktwin_model::input::plain;
+
+/// Prints a line. A reader that has gone (`docktwin … | head`) is no error of ours; a full disk
+/// behind `>` is told once on stderr, and the run goes on.
+pub(crate) fn line(mut to: impl Write, text: fmt::Arguments<'_>) {
+    let said = writeln!(to, "{}", plain(&text.to_string())).and_then(|()| to.flush());
+    if let Err(e) = said
+        && e.kind() != ErrorKind::BrokenPipe
+    {
+        // Nothing can be done when stderr is gone too.
+        let _ = writeln!(std::io::stderr(), "the output could not be written: {e}");
+    }
+}
+
+/// Shadows that of `std` in this crate: nothing reaches a terminal unescaped, and no closed pipe
+/// panics.
+macro_rules! println {
+    ($($text:tt)*) => { $crate::terminal::line(std::io::stdout().lock(), format_args!($($text)*)) };
+}
+
+/// As `println`, on stderr.
+macro_rules! eprintln {
+    ($($text:tt)*) => { $crate::terminal::line(std::io::stderr().lock(), format_args!($($text)*)) };
+}
