@@ -235,7 +235,8 @@ class FullDocking:
             mujoco.set_mjcb_passive(None)
 
     def run(self, states: dict, duration_s: float, t0_s: float = 0.0,
-            stop_when_decided: bool = False, chunk_s: float = 0.25) -> Run:
+            stop_when_decided: bool = False, chunk_s: float = 0.25,
+            after_capture_s: float = math.inf) -> Run:
         """From a state to the end of the scenario, judged every tick. A passed limit ends it."""
         ticks = round(duration_s / self.tick_s)
         self.start(states, t0_s, ticks + 1)
@@ -254,9 +255,10 @@ class FullDocking:
             upto = int(self.S[k.ROWS])
             for i in range(seen, upto):
                 monitor.observe(self.T[i], self.S)
+                now = self.T[i][k.TIME]
                 if i == ticks or monitor.limit is not None or (
-                    stop_when_decided and monitor.decided(self.T[i][k.TIME])
-                ):
+                    stop_when_decided and monitor.decided(now)
+                ) or (monitor.captured is not None and now > monitor.captured + after_capture_s):
                     ended = i
                     break
             seen = upto

@@ -50,8 +50,8 @@ STAGE, FIRST, CAPTURED, PEAK_F, PEAK_M, PEAK_D, ROWS, TOUCHING, FORCE, CROSSED =
 PHASE, TIMES, ANCHOR, PRELOAD = 10, 13, 30, 39
 SLOT, CLEAR, CONTROL = 50, 120, 340
 PLACES = 352
-LOST_STEPS = 353
-S_SIZE = 360
+WARM, WARM_SIZE = 360, 17
+S_SIZE = 520
 PAIRS = 16
 CLEAR_SIZE = 13
 
@@ -138,7 +138,26 @@ def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places):
             ga = petal_at(P, PETAL_A, (pair - 7) // 3, n_a)
             gb = petal_at(P, PETAL_B, (pair - 7) % 3, n_b)
             two = False
-            bound, n = petal_on_petal(samples, ga, gb, kc, eps, r, p, apart)
+            # Where the deepest rulings were is remembered while the sides move by half a millimetre.
+            w = WARM + (pair - 7) * WARM_SIZE
+            known = False
+            if S[w] > 0.0:
+                was = at9(S, w + 4)
+                turned = 0.0
+                for i in range(3):
+                    for j in range(3):
+                        turned += (r[i][j] - was[i][j]) ** 2
+                known = norm(sub(p, at3(S, w + 1))) + math.sqrt(turned) * reach < 5e-4
+            bound, n = petal_on_petal(
+                samples, ga, gb, kc, eps, r, p, apart, known, S[w + 13 : w + 17]
+            )
+            if not known and n > 0:
+                S[w] = 1.0
+                put3(S, w + 1, p)
+                for i in range(3):
+                    put3(S, w + 4 + 3 * i, r[i])
+            elif n == 0:
+                S[w] = 0.0
         if bound < -apart:
             S[c] = -bound - apart
             put3(S, c + 1, p)
@@ -148,6 +167,11 @@ def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places):
         S[c] = 0.0
         depth, pushing, rows = merge(samples, n, closed, two, eps, exponent, places)
         if depth <= 0.0:
+            # Refined, so this is how far apart they are, but for what the search may have missed.
+            S[c] = max(-0.7 * depth - 1e-5, 0.0)
+            put3(S, c + 1, p)
+            for i in range(3):
+                put3(S, c + 4 + 3 * i, r[i])
             continue
         deepest = max(deepest, depth)
         S[SLOT + 4 * pair], S[SLOT + 4 * pair + 2] = lived0, lived1

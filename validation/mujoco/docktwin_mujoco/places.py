@@ -87,7 +87,7 @@ def line_to_circle(foot, t, radius):
         new = w - slope / curve if curve > 0.0 else 0.5 * (lo + hi)
         if not (lo <= new <= hi):
             new = 0.5 * (lo + hi)
-        done = abs(new - w) < 1e-10
+        done = abs(new - w) < 1e-9
         w = new
         if done:
             break
@@ -152,7 +152,7 @@ def ring_on_ring(out, m, ra, ta, rb, tb, k, r, p, apart):
             x = d[(i * LOOKS + j) % n]
             if x > best:
                 best, u = x, (i + j / LOOKS) * width
-        if best > top - 6e-3:
+        if best > top - 2e-3 or best > -1e-3:
             u = _close_in_ring(u, i * width, (i + 1) * width, width / LOOKS, ra, rb, reach, r, p)
         a = (0.0, ra * math.cos(u), ra * math.sin(u))
         b = add(turn(r, on_circle(back(r, sub(a, p)), rb)), p)
@@ -234,7 +234,7 @@ def petal_on_ring(out, m, g, radius, tube, kc, r, p, apart):
             if d[i * LOOKS + j] > best:
                 best, u = d[i * LOOKS + j], -1.0 + (i + j / LOOKS) * width
         lo, hi, h = -1.0 + i * width, -1.0 + (i + 1) * width, width / LOOKS
-        if best > top - 6e-3:
+        if best > top - 2e-3 or best > -1e-3:
             for _ in range(3):
                 a, b = max(u - h, lo), min(u + h, hi)
                 c, w2 = 0.5 * (a + b), 0.5 * (b - a)
@@ -281,9 +281,31 @@ def _pair_depth(u, v, ga, gb, r, p):
 
 
 @njit(cache=True)
-def petal_on_petal(out, ga, gb, kc, eps, r, p, apart):
+def _climb(u, v, lo, hi, h, ga, gb, r, p):
+    """Deepest pair of rulings near (u, v), the first held between lo and hi."""
+    best = _pair_depth(u, v, ga, gb, r, p)
+    while h > 1e-5:
+        bu, bv, moved = u, v, False
+        for a in range(-1, 2):
+            for b in range(-1, 2):
+                x = min(max(u + a * h, lo), hi)
+                y = min(max(v + b * h, -1.0), 1.0)
+                if x == u and y == v:
+                    continue
+                f = _pair_depth(x, y, ga, gb, r, p)
+                if f > best + 1e-12:
+                    best, bu, bv, moved = f, x, y, True
+        u, v = bu, bv
+        if not moved:
+            h *= 0.3
+    return best, u, v
+
+
+@njit(cache=True)
+def petal_on_petal(out, ga, gb, kc, eps, r, p, apart, known, warm):
     """Samples of two petals: the deepest pair of rulings with the active one in either half of its
-    petal, the active ruling cut in PIECES. Returns the bound and the number of samples."""
+    petal, the active ruling cut in PIECES. `warm` keeps the rulings found; with `known` the search
+    starts from them. Returns the bound and the number of samples."""
     fa, ta = ruling(ga, 0.0)
     fb, tb = ruling(gb, 0.0)
     ma, mb = axpy(fa, 0.5, ta), add(turn(r, axpy(fb, 0.5, tb)), p)
@@ -294,45 +316,42 @@ def petal_on_petal(out, ga, gb, kc, eps, r, p, apart):
     # Table of both petals' rulings, nine each.
     n = 9
     h0 = 2.0 / (n - 1)
-    table = np.empty((n, n))
-    top = -1e300
-    for i in range(n):
-        for j in range(n):
-            table[i, j] = _pair_depth(-1.0 + i * h0, -1.0 + j * h0, ga, gb, r, p)
-            top = max(top, table[i, j])
-    cover = 0.5 * h0 * (
-        max(abs(ga[0]) * ga[3], abs(ga[1]) * ga[4]) + max(abs(gb[0]) * gb[3], abs(gb[1]) * gb[4])
-    )
-    bound = top + cover
-    if bound < -apart:
-        return bound, 0
-    count = 0
     best2, us, vs = np.empty(2), np.empty(2), np.empty(2)
-    for half in range(2):
-        first, last = (0, n // 2) if half == 0 else (n // 2, n - 1)
-        lo, hi = -1.0 + first * h0, -1.0 + last * h0
-        best, u, v = -1e300, 0.0, 0.0
-        for i in range(first, last + 1):
+    if known:
+        for half in range(2):
+            lo, hi = (-1.0, 0.0) if half == 0 else (0.0, 1.0)
+            best2[half], us[half], vs[half] = _climb(
+                warm[2 * half], warm[2 * half + 1], lo, hi, 4e-3, ga, gb, r, p
+            )
+            warm[2 * half], warm[2 * half + 1] = us[half], vs[half]
+    else:
+        table = np.empty((n, n))
+        top = -1e300
+        for i in range(n):
+            fa, ta = ruling(ga, -1.0 + i * h0)
             for j in range(n):
-                if table[i, j] > best:
-                    best, u, v = table[i, j], -1.0 + i * h0, -1.0 + j * h0
-        if best > top - cover - 40.0 * eps:
-            h = 0.5 * h0
-            while h > 1e-5:
-                bu, bv, moved = u, v, False
-                for a in range(-1, 2):
-                    for b in range(-1, 2):
-                        if a == 0 and b == 0:
-                            continue
-                        x = min(max(u + a * h, lo), hi)
-                        y = min(max(v + b * h, -1.0), 1.0)
-                        f = _pair_depth(x, y, ga, gb, r, p)
-                        if f > best + 1e-13:
-                            best, bu, bv, moved = f, x, y, True
-                u, v = bu, bv
-                if not moved:
-                    h *= 0.35
-        best2[half], us[half], vs[half] = best, u, v
+                fb, tb = ruling(gb, -1.0 + j * h0)
+                fb, tb = add(turn(r, fb), p), turn(r, tb)
+                s, t = line_to_line(fa, ta, fb, tb)
+                table[i, j] = ga[5] + gb[5] - norm(sub(axpy(fb, t, tb), axpy(fa, s, ta)))
+                top = max(top, table[i, j])
+        cover = 0.5 * h0 * (
+            max(abs(ga[0]) * ga[3], abs(ga[1]) * ga[4]) + max(abs(gb[0]) * gb[3], abs(gb[1]) * gb[4])
+        )
+        bound = top + cover
+        if bound < -apart:
+            return bound, 0
+        for half in range(2):
+            first, last = (0, n // 2) if half == 0 else (n // 2, n - 1)
+            lo, hi = -1.0 + first * h0, -1.0 + last * h0
+            best, u, v = -1e300, 0.0, 0.0
+            for i in range(first, last + 1):
+                for j in range(n):
+                    if table[i, j] > best:
+                        best, u, v = table[i, j], -1.0 + i * h0, -1.0 + j * h0
+            best2[half], us[half], vs[half] = _climb(u, v, lo, hi, 0.5 * h0, ga, gb, r, p)
+            warm[2 * half], warm[2 * half + 1] = us[half], vs[half]
+    count = 0
     top = max(best2[0], best2[1])
     for half in range(2):
         if best2[half] < top - 40.0 * eps:
