@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+# Compiled code is kept beside other things that are built.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "target" / "numba"))
 _FIGURES: list[str] = []
 
 
@@ -31,21 +33,27 @@ def models() -> Path:
 
 
 @pytest.fixture(scope="session")
-def rehearse(tmp_path_factory):
-    """Runs `docktwin rehearse` on a scenario; gives (scenario as it ran, summary, columns)."""
-    binary = os.environ.get("DOCKTWIN_BIN")
-    if not binary:
+def binary() -> Path:
+    """The docktwin to compare with."""
+    named = os.environ.get("DOCKTWIN_BIN")
+    if not named:
         pytest.skip("DOCKTWIN_BIN is not set: name the docktwin binary to compare with it")
-    binary = str(Path(binary).resolve())
-    if not Path(binary).is_file():
-        pytest.fail(f"no docktwin binary, build it with `cargo build -p docktwin`: {binary}")
+    path = Path(named).resolve()
+    if not path.is_file():
+        pytest.fail(f"no docktwin binary, build it with `cargo build -p docktwin`: {path}")
+    return path
+
+
+@pytest.fixture(scope="session")
+def rehearse(tmp_path_factory, binary):
+    """Runs `docktwin rehearse` on a scenario; gives (scenario as it ran, summary, columns)."""
 
     def run(scenario: str, *overrides: str, twin: str = "full"):
         import pyarrow.parquet as pq
 
         path = ROOT / "scenarios" / f"{scenario}.toml"
         out = tmp_path_factory.mktemp(scenario)
-        command = [binary, "rehearse", str(path), "--out", str(out), "--twin", twin]
+        command = [str(binary), "rehearse", str(path), "--out", str(out), "--twin", twin]
         command += ["--json", "--no-rrd"]
         for item in overrides:
             command += ["--set", item]

@@ -157,6 +157,31 @@ fn oracle_depth_agrees_with_parrys_convex_pieces() {
     }
 }
 
+/// Poses in which the deepest rulings of two petals lie a few hundredths beside the end of a range of
+/// the search. Depths are MuJoCo's side's, found on whole sheets by Newton from many starts.
+#[test]
+fn regress_peaks_beside_the_end_of_a_range_are_found() {
+    let mut m = common::apas();
+    m.contact.merge_depth_m = 1e-7;
+    let scene = Scene::new(&m);
+    let cases = [
+        (
+            DVec3::new(0.2624357537365315, 0.2476027159410935, 0.030481306693789283),
+            [-0.00011389695487164061, -0.01963542385161052, 0.09091618712859026, 0.9956649456898894],
+            0.2272e-3,
+        ),
+        (
+            DVec3::new(0.21757307923593525, -0.021904836956975274, -0.1730595286581269),
+            [-0.06541518180417064, -0.009640589915577306, -0.04788130038826749, 0.9966620761766425],
+            3.2998e-3,
+        ),
+    ];
+    for (p, [w, x, y, z], want) in cases {
+        let ours = deepest(&scene, Pose::new(p, docktwin_core::DQuat::from_xyzw(x, y, z, w)));
+        assert!((ours - want).abs() < 5e-6, "{} mm instead of {} mm", ours * 1e3, want * 1e3);
+    }
+}
+
 /// Sliding a petal along the opposing ring at constant depth, across every seam: between
 /// neighbouring 0.1 mm steps force and moment change by no more than 5 %.
 #[test]

@@ -55,6 +55,52 @@ class RingBody:
 
 
 @dataclass(frozen=True)
+class Channel:
+    """One channel of an attenuator; m and N, or rad and N m."""
+
+    loading: tuple
+    unloading: tuple
+    branch_change: float
+    damping_before: float
+    damping_after: float
+    dry_friction: float
+    travel_negative: float
+    travel_positive: float
+    stop_stiffness: float
+    stop_damping: float
+    brake: tuple | None
+    """Force and viscous part of a brake in series."""
+
+
+@dataclass(frozen=True)
+class Attenuation:
+    """What carries the ring: `characteristic` (axial, lateral, roll, tilt) or `differential` (six
+    brake coordinates with legs and coupling)."""
+
+    kind: str
+    ramp_s: float
+    channels: tuple
+    base_joints_m: np.ndarray | None = None
+    ring_joints_m: np.ndarray | None = None
+    coupling: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Latches:
+    """As `[latches]` of a mechanism file."""
+
+    azimuths_rad: tuple
+    approach_gap_m: float
+    strike_gap_m: float
+    catch_gap_m: float
+    radial_zone_m: float
+    tangential_zone_m: float
+    hold_stiffness_n_m: float
+    joined_stiffness_n_m: float
+    joined_damping_n_s_m: float
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """Both sides, their placement on the mounting planes, and the law between them."""
 
@@ -66,6 +112,11 @@ class Mechanism:
     r_mount_passive: np.ndarray
     p_mount_passive_m: np.ndarray
     law: ContactLaw
+    attenuation: Attenuation | None = None
+    """None: rigid."""
+    latches: Latches | None = None
+    limits: dict = dataclasses.field(default_factory=dict)
+    rules: dict = dataclasses.field(default_factory=dict)
 
 
 def rotation_rpy(rpy) -> np.ndarray:
@@ -186,11 +237,63 @@ def _law(table: dict) -> ContactLaw:
     )
 
 
+def _channel(t: dict, angular: bool) -> Channel:
+    force, rate = ("nm", "nm_s_rad") if angular else ("n", "n_s_m")
+    x, scale = ("deg", math.pi / 180.0) if angular else ("m", 1.0)
+    over = "rad" if angular else "m"
+    brake = t.get("series_brake")
+    return Channel(
+        tuple(map(tuple, _get(t, f"loading_{force}_over_{over}"))),
+        tuple(map(tuple, _get(t, f"unloading_{force}_over_{over}"))),
+        _get(t, f"branch_change_{x}") * scale,
+        _get(t, f"damping_before_capture_{rate}"),
+        _get(t, f"damping_after_capture_{rate}"),
+        _get(t, f"dry_friction_{force}"),
+        _get(t, f"travel_negative_{x}") * scale,
+        _get(t, f"travel_positive_{x}") * scale,
+        _get(t, "stop_stiffness_nm_rad" if angular else "stop_stiffness_n_m"),
+        _get(t, f"stop_damping_{rate}"),
+        None if brake is None else (
+            _get(brake, f"force_{force}"), _get(brake, f"viscous_{rate}")
+        ),
+    )
+
+
+def _attenuation(table: dict, kind: str | None) -> Attenuation | None:
+    kind = kind or _get(table, "default")
+    if kind == "rigid":
+        return None
+    ramp = _get(table, "damping_ramp_s")
+    t = table[kind]
+    if kind == "characteristic":
+        parts = [("axial", False), ("lateral", False), ("roll", True), ("tilt", True)]
+        return Attenuation(kind, ramp, tuple(_channel(t[n], a) for n, a in parts))
+    if kind == "differential":
+        return Attenuation(
+            kind, ramp, tuple(_channel(c, False) for c in t["channels"]),
+            np.array(_get(t, "base_joints_m")), np.array(_get(t, "ring_joints_m")),
+            np.array(_get(t, "coupling")),
+        )
+    raise ValueError(f"unknown attenuation {kind!r}: characteristic, differential or rigid")
+
+
+def _latches(table: dict | None) -> Latches | None:
+    if table is None:
+        return None
+    names = [f.name for f in dataclasses.fields(Latches) if f.name != "azimuths_rad"]
+    return Latches(
+        tuple(math.radians(a) for a in _get(table, "azimuths_deg")),
+        **{n: float(_get(table, n)) for n in names},
+    )
+
+
 def read_mechanism(
-    active_urdf: Path, passive_urdf: Path, contact: dict | None = None, petals: bool = True
+    active_urdf: Path, passive_urdf: Path, contact: dict | None = None, petals: bool = True,
+    attenuation: str | None = None,
 ) -> Mechanism:
     """Both sides of a mechanism; placements come from the URDF and must agree with the TOML.
-    `contact` replaces keys of the law, `petals=False` leaves bare rings."""
+    `contact` replaces keys of the law, `petals=False` leaves bare rings, `attenuation` names another
+    model than the file's default."""
     a, b = _toml(active_urdf.with_suffix(".toml")), _toml(passive_urdf.with_suffix(".toml"))
     (robot_a, links_a), (robot_b, _) = _robot(active_urdf), _robot(passive_urdf)
     _, r_a, p_a = _pose_in_root(robot_a, "ring")
@@ -214,4 +317,8 @@ def read_mechanism(
     return Mechanism(
         *sides, RingBody(mass, inertia, com), r_a, p_a, r_b, p_b,
         _law({**a["contact"], **(contact or {})}),
+        _attenuation(a["attenuation"], attenuation),
+        _latches(a.get("latches")),
+        {key: float(_value(v)) for key, v in a["limits"].items()},
+        {key: float(_value(v)) for key, v in a["outcome"].items()},
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,31 @@ class Scene:
     chaser: Spacecraft
     target: Spacecraft
     mechanism: Mechanism
+    thrusts: tuple = ()
+    run: dict = field(default_factory=dict)
+    initial: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Thrust:
+    """A control wrench at a mass centre, body axes, for some time after an event."""
+
+    on: str
+    after: str
+    delay_s: float
+    duration_s: float
+    force_n: tuple
+    moment_nm: tuple
+    until_capture: bool
+
+
+def _thrust(t: dict) -> Thrust:
+    return Thrust(
+        t["on"], t["after"], float(t.get("delay_s", 0.0)), float(t["duration_s"]),
+        tuple(float(t.get(f"force_{a}_n", 0.0)) for a in "xyz"),
+        tuple(float(t.get(f"moment_{a}_nm", 0.0)) for a in "xyz"),
+        bool(t.get("until_capture", False)),
+    )
 
 
 def _leaves(node, path=""):
@@ -62,7 +87,11 @@ def read_scene(scenario: Path, models: Path) -> Scene:
         read_mechanism(
             found["mechanism_active"], found["mechanism_passive"],
             tree["mechanism"].get("contact"), tree["mechanism"].get("petals", True),
+            tree["mechanism"].get("attenuation"),
         ),
+        tuple(_thrust(t) for t in tree.get("thrust", [])),
+        tree["run"],
+        tree["initial"],
     )
 
 

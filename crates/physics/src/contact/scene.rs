@@ -691,7 +691,9 @@ impl Scene {
                 let (v0, v1) = ((v - h).max(-1.0), (v + h).min(1.0));
                 (v, best) = climb(v, best, v0, v1, |x| at(u, x));
                 idle = if best - before_round < 1e-8 { idle + 1 } else { 0 };
-                if idle == 2 {
+                // Beside the end of a range nothing tells of a peak nearer than the look: only
+                // short looks may say that there is none.
+                if idle >= 2 && h < 0.01 {
                     break;
                 }
             }
