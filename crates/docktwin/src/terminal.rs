@@ -20,6 +20,7 @@ pub(crate) fn line(mut to: impl Write, text: fmt::Arguments<'_>) {
 /// Shadows that of `std` in this crate: nothing reaches a terminal unescaped, and no closed pipe
 /// panics.
 macro_rules! println {
+    () => { $crate::terminal::line(std::io::stdout().lock(), format_args!("")) };
     ($($text:tt)*) => { $crate::terminal::line(std::io::stdout().lock(), format_args!($($text)*)) };
 }
 
