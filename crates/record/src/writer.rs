@@ -58,8 +58,9 @@ impl Policy {
 
 /// A chunk ends after this many ticks …
 pub(crate) const CHUNK_TICKS: usize = 50;
-/// … or when its oldest content is this old.
-const CHUNK_WALL: Duration = Duration::from_millis(50);
+/// … or when its oldest content is this old: a quarter of what a crash may cost, because on a busy
+/// machine the encoder wakes late.
+const CHUNK_WALL: Duration = Duration::from_millis(25);
 /// The encoder looks at the ring this often by itself …
 const POLL: Duration = Duration::from_millis(5);
 /// … and is woken after so many ticks, well before the ring is full.
