@@ -192,28 +192,28 @@ fn differences(a: &DockingMechanism, b: &DockingMechanism) -> Vec<String> {
     let mut out = Vec::new();
     let mut number = |name: String, x: f64, y: f64, unit: &str| {
         if x.to_bits() != y.to_bits() {
-            out.push(format!("{name}: {x} {unit} against {y} {unit}"));
+            out.push(format!("{name}: {x}{unit} against {y}{unit}"));
         }
     };
     let offset = "distance of the active ring from e3 at rest".to_owned();
-    number(offset, a.ring_rest_offset_m, b.ring_rest_offset_m, "m");
+    number(offset, a.ring_rest_offset_m, b.ring_rest_offset_m, " m");
     let offset = "distance of the passive ring from e4".to_owned();
-    number(offset, a.passive_ring_offset_m, b.passive_ring_offset_m, "m");
+    number(offset, a.passive_ring_offset_m, b.passive_ring_offset_m, " m");
     for (side, x, y) in [("active", &a.active, &b.active), ("passive", &a.passive, &b.passive)] {
         let (r, s) = (&x.ring, &y.ring);
-        number(format!("{side} ring's mean radius"), r.mean_radius_m, s.mean_radius_m, "m");
-        number(format!("{side} ring's section"), r.section_radius_m, s.section_radius_m, "m");
+        number(format!("{side} ring's mean radius"), r.mean_radius_m, s.mean_radius_m, " m");
+        number(format!("{side} ring's section"), r.section_radius_m, s.section_radius_m, " m");
         let count = |g: &SideGeometry| g.petals.map_or(0, |p| p.count);
         number(format!("{side} petals"), count(x).into(), count(y).into(), "");
         if let (Some(p), Some(q)) = (&x.petals, &y.petals) {
             for (name, p, q, unit) in [
-                ("azimuth", p.first_azimuth_rad, q.first_azimuth_rad, "rad"),
-                ("radius at the base", p.base_radius_m, q.base_radius_m, "m"),
-                ("radius at the tip", p.tip_radius_m, q.tip_radius_m, "m"),
-                ("height", p.height_m, q.height_m, "m"),
-                ("half-angle at the base", p.base_half_angle_rad, q.base_half_angle_rad, "rad"),
-                ("half-angle at the tip", p.tip_half_angle_rad, q.tip_half_angle_rad, "rad"),
-                ("thickness", p.thickness_m, q.thickness_m, "m"),
+                ("azimuth", p.first_azimuth_rad, q.first_azimuth_rad, " rad"),
+                ("radius at the base", p.base_radius_m, q.base_radius_m, " m"),
+                ("radius at the tip", p.tip_radius_m, q.tip_radius_m, " m"),
+                ("height", p.height_m, q.height_m, " m"),
+                ("half-angle at the base", p.base_half_angle_rad, q.base_half_angle_rad, " rad"),
+                ("half-angle at the tip", p.tip_half_angle_rad, q.tip_half_angle_rad, " rad"),
+                ("thickness", p.thickness_m, q.thickness_m, " m"),
             ] {
                 number(format!("{side} petals' {name}"), p, q, unit);
             }
@@ -223,7 +223,7 @@ fn differences(a: &DockingMechanism, b: &DockingMechanism) -> Vec<String> {
     match (azimuths(a), azimuths(b)) {
         (Some(x), Some(y)) => {
             for i in 0..3 {
-                number(format!("azimuth of latch {}", i + 1), x[i], y[i], "rad");
+                number(format!("azimuth of latch {}", i + 1), x[i], y[i], " rad");
             }
         }
         (None, None) => {}

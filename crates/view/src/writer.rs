@@ -204,6 +204,7 @@ struct Pair {
     class: PairClass,
     /// Strongest place in this tick, its point in `r3`.
     now_n: f64,
+    now_friction_n: f64,
     now_depth_m: f64,
     now_point: DVec3,
     places: usize,
@@ -446,6 +447,7 @@ impl SceneWriter {
             name: name.clone(),
             class: PairClass::of_name(name),
             now_n: 0.0,
+            now_friction_n: 0.0,
             now_depth_m: 0.0,
             now_point: DVec3::ZERO,
             places: 0,
@@ -631,7 +633,7 @@ impl SceneWriter {
     /// What touches now, its peaks, and the trace.
     fn observe(&mut self, time: i64, contacts: &[ContactArrow], x_rw: &Pose) {
         for pair in &mut self.pairs {
-            (pair.now_n, pair.now_depth_m, pair.places) = (0.0, 0.0, 0);
+            (pair.now_n, pair.places) = (0.0, 0);
         }
         for c in contacts {
             let pair = &mut self.pairs[c.pair];
@@ -640,6 +642,7 @@ impl SceneWriter {
             pair.places += 1;
             if size >= pair.now_n {
                 (pair.now_n, pair.now_depth_m) = (size, c.depth_m);
+                pair.now_friction_n = c.friction_w_n.length();
                 pair.now_point = point_r;
             }
             if pair.peak.is_none_or(|p| size > p.force_n) {
@@ -914,17 +917,17 @@ fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
         t.push_str("No contact so far.\n");
         return t;
     }
-    t.push_str("| pair | now | depth | peak | at |\n|---|---|---|---|---|\n");
+    t.push_str("| pair | now | friction | depth | peak | at |\n|---|---|---|---|---|---|\n");
     for p in order.iter().take(SUMMARY_ROWS) {
         let now = if p.places > 0 {
-            let force = style::newtons(p.now_n);
+            let [force, friction] = [p.now_n, p.now_friction_n].map(style::newtons);
             if p.class == PairClass::Latch {
-                format!("**{force}** | –")
+                format!("**{force}** | {friction} | –")
             } else {
-                format!("**{force}** | {:.2} mm", 1e3 * p.now_depth_m)
+                format!("**{force}** | {friction} | {:.2} mm", 1e3 * p.now_depth_m)
             }
         } else {
-            "– | –".to_owned()
+            "– | – | –".to_owned()
         };
         if let Some(k) = p.peak {
             let (peak, at) = (style::newtons(k.force_n), seconds(k.time));
@@ -935,9 +938,8 @@ fn table(time: i64, order: &[&Pair], summary: &Summary) -> String {
         let _ = writeln!(t, "\nand {} weaker pairs.", order.len() - SUMMARY_ROWS);
     }
     t.push_str(
-        "\nNormal force at the strongest place of each pair, peaks over every tick. Arrows: force on \
-         the active side, 1 kN = 0.5 m; thin and pale: friction. A: active, orange; P: passive, \
-         blue.\n",
+        "\nStrongest place of each pair, peaks over every tick. Arrows: force on the active side, \
+         1 kN = 0.5 m; thin and pale: friction.\n",
     );
     t
 }
