@@ -18,7 +18,18 @@ fn oracle_the_answer_is_that_of_the_model_file() {
     let at = |n: &str| dir.path().join(n).to_string_lossy().into_owned();
     let file = model("apas_passive.toml");
     let test = |out: &str| {
-        run(&["analyze", "mechanism", &file, "--axis", "roll", "--axis", "x", "--json", "--out", out])
+        run(&[
+            "analyze",
+            "mechanism",
+            &file,
+            "--axis",
+            "roll",
+            "--axis",
+            "x",
+            "--json",
+            "--out",
+            out,
+        ])
     };
     let (code, text) = test(&at("a"));
     assert_eq!(code, Some(0), "{text}");
