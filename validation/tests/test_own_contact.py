@@ -26,7 +26,7 @@ def test_oracle_single_point_impact(binary, tmp_path, figure, case, sets):
     last = len(run.columns["time_s"]) - 1
     end, scene = states(run, last), run.scene
     got = own_solver.impact(
-        scene, states(run), float(run.columns["time_s"][last]), 1e-3, capsules=192, strips=24
+        scene, states(run), float(run.columns["time_s"][last]), 1e-3, capsules=384, strips=48
     )
     mech, c, t = scene.mechanism, scene.chaser, scene.target
     p1 = c.p_body_port_m + c.r_body_port @ mech.p_mount_active_m
