@@ -167,7 +167,12 @@ fn regress_peaks_beside_the_end_of_a_range_are_found() {
     let cases = [
         (
             DVec3::new(0.2624357537365315, 0.2476027159410935, 0.030481306693789283),
-            [-0.00011389695487164061, -0.01963542385161052, 0.09091618712859026, 0.9956649456898894],
+            [
+                -0.00011389695487164061,
+                -0.01963542385161052,
+                0.09091618712859026,
+                0.9956649456898894,
+            ],
             0.2272e-3,
         ),
         (
@@ -180,6 +185,32 @@ fn regress_peaks_beside_the_end_of_a_range_are_found() {
         let ours = deepest(&scene, Pose::new(p, docktwin_core::DQuat::from_xyzw(x, y, z, w)));
         assert!((ours - want).abs() < 5e-6, "{} mm instead of {} mm", ours * 1e3, want * 1e3);
     }
+}
+
+/// A ridge of the depth over both petals' rulings that runs between their directions: outward petals, the
+/// tip corner of one on the sheet of the other. Depth as above.
+#[test]
+fn regress_a_ridge_between_the_rulings_is_followed() {
+    let mut m = common::apas();
+    m.contact.merge_depth_m = 1e-7;
+    for side in [&mut m.active, &mut m.passive] {
+        side.ring.mean_radius_m = 0.8;
+        if let Some(p) = &mut side.petals {
+            p.base_radius_m = 0.803;
+            p.tip_radius_m = 1.005;
+            p.height_m = 0.2;
+        }
+    }
+    let scene = Scene::new(&m);
+    let p = DVec3::new(0.3492067641068709, 0.2114107616757717, -0.18483181292722378);
+    let q = docktwin_core::DQuat::from_xyzw(
+        -0.031514678731161996,
+        0.10139789568699628,
+        0.9943308096815803,
+        -0.005615397821500995,
+    );
+    let ours = deepest(&scene, Pose::new(p, q));
+    assert!((ours - 1.4876e-3).abs() < 5e-6, "{} mm", ours * 1e3);
 }
 
 /// Sliding a petal along the opposing ring at constant depth, across every seam: between

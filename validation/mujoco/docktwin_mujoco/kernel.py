@@ -81,10 +81,12 @@ def petal_at(P, first, i, count):
 
 
 @njit(cache=True)
-def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places):
+def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places, given):
     """Wrench on the passive side about the active ring's origin, in that ring's frame, of all places
     of contact. (r, p) poses the passive ring frame; `v_ab`, `w_ab` is its motion at the origin. Bristle
-    rates go into `rates`. Returns force, moment, deepest depth, number of places, stored energy."""
+    rates go into `rates`. `given[pair]` holds samples measured by somebody else, their number in the
+    first row's first column; empty: measured here. Returns force, moment, deepest depth, number of
+    places, stored energy."""
     eps, exponent, kc = P[MERGE], P[EXPONENT], P[STIFFNESS]
     n_a, n_b = int(P[PETALS_A]), int(P[PETALS_B])
     m_ring, m_ruling = int(P[M_RING]), int(P[M_RULING])
@@ -121,7 +123,15 @@ def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places):
             if moved + math.sqrt(turned) * reach < S[c]:
                 continue
         closed, two, n = False, True, m_ruling
-        if pair == 0:
+        bound = 0.0
+        if given.shape[0] > 0:
+            n = int(given[pair, 0, 0])
+            if n == 0:
+                continue
+            closed, two = pair == 0, pair < 7
+            for i in range(n):
+                samples[i] = given[pair, 1 + i]
+        elif pair == 0:
             closed, n = True, m_ring
             bound = ring_on_ring(
                 samples, n, P[RING_A], P[TUBE_A], P[RING_B], P[TUBE_B], kc, r, p, apart
@@ -158,7 +168,7 @@ def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places):
                     put3(S, w + 4 + 3 * i, r[i])
             elif n == 0:
                 S[w] = 0.0
-        if bound < -apart:
+        if given.shape[0] == 0 and bound < -apart:
             S[c] = -bound - apart
             put3(S, c + 1, p)
             for i in range(3):
@@ -168,7 +178,7 @@ def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places):
         depth, pushing, rows = merge(samples, n, closed, two, eps, exponent, places)
         if depth <= 0.0:
             # Refined, so this is how far apart they are, but for what the search may have missed.
-            S[c] = max(-0.7 * depth - 1e-5, 0.0)
+            S[c] = max(-0.7 * depth - 1e-5, 0.0) if given.shape[0] == 0 else 0.0
             put3(S, c + 1, p)
             for i in range(3):
                 put3(S, c + 4 + 3 * i, r[i])
@@ -518,7 +528,7 @@ def thrusts(P, S, time):
 
 
 @njit(cache=True)
-def scene(P, S, T, qpos, qvel, act, rates, qfrc):
+def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
     """Adds all forces to `qfrc` and sets the rates of the activation states."""
     stage = int(S[STAGE])
     first = stage % 4 == 0
@@ -561,7 +571,7 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc):
         if P[CONTACT_OFF] == 0.0:
             places = np.empty((4, PLACE))
             force, moment, depth, count, _ = contact(
-                P, S, act, rates, r_ab, p_ab, v_ab, w_ab, first, places
+                P, S, act, rates, r_ab, p_ab, v_ab, w_ab, first, places, given
             )
             rubbed = force
         if P[LATCHES] != 0.0:
@@ -682,7 +692,7 @@ def callback(userdata_offset: int):
         T = pointer_f(user[2], n_t * ROW).reshape((n_t, ROW))
         scene(
             P, S, T, pointer_f(user[4], nq), pointer_f(user[5], nv), pointer_f(user[6], STATES),
-            pointer_f(user[7], STATES), pointer_f(user[8], nv),
+            pointer_f(user[7], STATES), pointer_f(user[8], nv), np.empty((0, 1, SAMPLE)),
         )
 
     return passive

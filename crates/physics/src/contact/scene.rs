@@ -31,8 +31,8 @@ const MOST_SAMPLES: f64 = 24.0;
 /// Rulings of a petal for the first look, against a petal.
 const COARSE: usize = 5;
 /// Most rounds of refinement from the first look. The first reaches half way to the neighbouring
-/// rulings, each further one is two and a half times finer.
-const REFINEMENTS: usize = 6;
+/// rulings; a round that leads no further is followed by one two and a half times finer.
+const REFINEMENTS: usize = 24;
 /// Pieces along a ruling over which a line contact is spread.
 const ALONG: usize = 5;
 
@@ -682,19 +682,34 @@ impl Scene {
             }
             let mut h = spacing;
             let at = |u: f64, v: f64| depth_of(&segment_segment(&a.ruling(u), &b_ruling(v)));
-            let mut idle = 0;
-            for round in 0..REFINEMENTS {
-                h *= if round == 0 { 0.5 } else { 0.4 };
+            h *= 0.5;
+            for _ in 0..REFINEMENTS {
                 let before_round = best;
                 let (u0, u1) = ((u - h).max(u_min), (u + h).min(u_max));
                 (u, best) = climb(u, best, u0, u1, |x| at(x, v));
                 let (v0, v1) = ((v - h).max(-1.0), (v + h).min(1.0));
                 (v, best) = climb(v, best, v0, v1, |x| at(u, x));
-                idle = if best - before_round < 1e-8 { idle + 1 } else { 0 };
-                // Beside the end of a range nothing tells of a peak nearer than the look: only
-                // short looks may say that there is none.
-                if idle >= 2 && h < 0.01 {
-                    break;
+                // A ridge may lead away between the two directions.
+                let (mut to, from) = ((u, v), (u, v));
+                for (du, dv) in [(-h, -h), (-h, h), (h, -h), (h, h)] {
+                    let (x, y) =
+                        ((from.0 + du).clamp(u_min, u_max), (from.1 + dv).clamp(-1.0, 1.0));
+                    if (x - from.0).abs() < 1e-9 || (y - from.1).abs() < 1e-9 {
+                        continue;
+                    }
+                    let value = at(x, y);
+                    if value > best {
+                        (to, best) = ((x, y), value);
+                    }
+                }
+                (u, v) = to;
+                // Shorter looks only where these lead no further; long ones see no peak that is
+                // nearer than they reach.
+                if best - before_round < 1e-6 {
+                    h *= 0.4;
+                    if h < 2e-3 {
+                        break;
+                    }
                 }
             }
             deepest = deepest.max(best);
