@@ -48,6 +48,9 @@ pub(crate) enum Command {
     /// Run a recording again, tick by tick, and say where it first differs
     #[command(after_help = REPLAY)]
     Replay(ReplayArgs),
+    /// Write one self-contained HTML page of a run: verdict, pictures, plots, contacts in words
+    #[command(after_help = REPORT)]
+    Report(ReportArgs),
 }
 
 const REHEARSE: &str = "\
@@ -150,4 +153,23 @@ Examples:
 pub(crate) struct ReplayArgs {
     /// Run directory
     pub(crate) run: PathBuf,
+}
+
+const REPORT: &str = "\
+The page needs nothing but itself: no network, no script. It is also written of what is left of a run
+that was killed, and then says so first. An existing page is replaced.
+
+Examples:
+  docktwin report runs/wide
+  docktwin report runs/wide --out wide.html
+  docktwin report runs/wide --json";
+
+/// Options of `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Run directory
+    pub(crate) run: PathBuf,
+    /// Where the page goes; by default into the run directory.
+    #[arg(long, value_name = "FILE", help = "Where the page goes [default: RUN/report.html]")]
+    pub(crate) out: Option<PathBuf>,
 }

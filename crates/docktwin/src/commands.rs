@@ -7,7 +7,7 @@ use docktwin_scenario::{explain, load_scenario};
 use crate::{
     cli::{Cli, Command, ModelCommand, ScenarioCommand},
     failure::{BAD_INPUT, Failure},
-    rehearse, replay,
+    rehearse, replay, report,
 };
 
 /// Runs the command.
@@ -16,6 +16,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
     match &cli.command {
         Command::Rehearse(args) => rehearse::run(args, json),
         Command::Replay(args) => replay::run(args, json),
+        Command::Report(args) => report::run(args, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);
             let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };

@@ -5,6 +5,7 @@ mod commands;
 mod failure;
 mod rehearse;
 mod replay;
+mod report;
 
 use std::process::ExitCode;
 
