@@ -63,6 +63,9 @@ pub(crate) enum Command {
     /// Analyse a design, without a docking
     #[command(subcommand)]
     Analyze(AnalyzeCommand),
+    /// Write one self-contained HTML page of a run: verdict, pictures, plots, contacts in words
+    #[command(after_help = REPORT)]
+    Report(ReportArgs),
 }
 
 const REHEARSE: &str = "\
@@ -290,4 +293,22 @@ impl AxisArg {
             Self::Yaw => Axis::Yaw,
         }
     }
+}
+const REPORT: &str = "\
+The page needs nothing but itself: no network, no script. It is also written of what is left of a run
+that was killed, and then says so first. An existing page is replaced.
+
+Examples:
+  docktwin report runs/wide
+  docktwin report runs/wide --out wide.html
+  docktwin report runs/wide --json";
+
+/// Options of `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Run directory
+    pub(crate) run: PathBuf,
+    /// Where the page goes; by default into the run directory.
+    #[arg(long, value_name = "FILE", help = "Where the page goes [default: RUN/report.html]")]
+    pub(crate) out: Option<PathBuf>,
 }

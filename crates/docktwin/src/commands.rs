@@ -9,7 +9,7 @@ use crate::{
     analyze,
     cli::{Cli, Command, ModelCommand, ScenarioCommand},
     failure::{BAD_INPUT, Failure, problem_json},
-    rehearse, replay, view,
+    rehearse, replay, report, view,
 };
 
 /// Runs the command.
@@ -23,6 +23,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Recover(args) => crate::recover::run(args, json),
         Command::View(args) => view::run(args, json),
         Command::Analyze(command) => analyze::run(command, json),
+        Command::Report(args) => report::run(args, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);
             let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };

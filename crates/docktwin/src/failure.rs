@@ -8,6 +8,7 @@ use docktwin_model::{
     input::{plain, shown},
 };
 use docktwin_record::RecordError;
+use docktwin_report::ReportError;
 use docktwin_scenario::ScenarioErrors;
 use docktwin_view::ViewError;
 use miette::Diagnostic;
@@ -35,6 +36,9 @@ pub(crate) enum Failure {
     /// The viewer's file could not be written.
     #[error(transparent)]
     View(#[from] ViewError),
+    /// There is nothing to report on, or no place for the report.
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// Bad usage that the parser cannot see.
     #[error("{what}")]
     Usage {

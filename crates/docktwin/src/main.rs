@@ -14,6 +14,7 @@ mod models;
 mod recover;
 mod rehearse;
 mod replay;
+mod report;
 mod view;
 
 use std::process::ExitCode;

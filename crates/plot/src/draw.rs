@@ -24,6 +24,8 @@ const LABEL: f64 = 11.0;
 const ROW: f64 = 15.0;
 /// Events nearer than this share a label.
 const JOIN: f64 = 3.0;
+/// Free to the left of the name of the vertical axis.
+const EDGE: f64 = 5.0;
 
 type Chart<'a, 'b> = ChartContext<'a, Svg<'b>, Cartesian2d<Scale, Scale>>;
 
@@ -369,10 +371,10 @@ fn draw(p: &Plot<'_>, l: &Layout, total: f64, body: &mut String) -> Result<(), S
     let backend = Svg { body, size: (fine_u(p.width), fine_u(total)) };
     let root = backend.into_drawing_area();
     head(p, l, &root)?;
-    let area = root.margin(fine(l.top), 0, 0, fine(l.right));
+    let area = root.margin(fine(l.top), 0, fine(EDGE), fine(l.right));
     let mut chart: Chart<'_, '_> = ChartBuilder::on(&area)
         .x_label_area_size(fine_u(l.bottom))
-        .y_label_area_size(fine_u(l.left))
+        .y_label_area_size(fine_u(l.left - EDGE))
         .build_cartesian_2d(
             Scale { range: l.x, at: l.x_ticks.at.clone() },
             Scale { range: l.y, at: l.y_ticks.at.clone() },

@@ -1,0 +1,85 @@
+//! One self-contained HTML page of a run: verdict, summary, pictures of the key moments, plots, and
+//! every contact in words.
+//!
+//! It reads a run directory as [`docktwin_record`] writes it and works on what is left of one: no
+//! summary, a cut log, missing models. The page says what is missing, and up to when it can be
+//! trusted. It refers to nothing outside itself and has no script.
+//!
+//! Absent on purpose: physics. What the page says is in the record, or is geometry of it.
+
+#![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
+
+mod curves;
+mod geometry;
+mod load;
+mod moments;
+mod page;
+mod picture;
+mod story;
+mod words;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use docktwin_record::RecordError;
+
+pub use load::Run;
+pub use story::{Contact, Pair, Part, Peak};
+
+/// Why there is no report. Each text ends with the path it is about.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// Nothing in the directory can be read.
+    #[error(
+        "there is no run to report on: {why}; give a directory that `docktwin rehearse` wrote: {}",
+        path.display()
+    )]
+    Nothing {
+        /// What was found instead.
+        why: String,
+        /// The directory.
+        path: PathBuf,
+    },
+    /// Reading failed half way.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The page could not be written.
+    #[error("could not write the report: {source}; choose another place with --out: {}", path.display())]
+    Write {
+        /// The system's reason.
+        source: std::io::Error,
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// A report that was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// The page.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// Why the run is incomplete, if it is.
+    pub incomplete: Option<String>,
+}
+
+/// Reads a run and writes its page; an existing page is replaced.
+///
+/// # Errors
+/// There is nothing to read, or the page cannot be written.
+pub fn write(run: &Path, out: &Path) -> Result<Written, ReportError> {
+    let run = Run::read(run)?;
+    let html = page::html(&run);
+    let failed = |source| ReportError::Write { source, path: out.into() };
+    // First beside, so that a full disk leaves no half page.
+    let half = out.with_extension("html.part");
+    let done = fs::write(&half, &html).and_then(|()| fs::rename(&half, out));
+    if let Err(e) = done {
+        // The part may not be there; the error that matters is the first.
+        let _ = fs::remove_file(&half);
+        return Err(failed(e));
+    }
+    Ok(Written { path: out.into(), bytes: html.len() as u64, incomplete: run.incomplete })
+}

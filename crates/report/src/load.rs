@@ -1,0 +1,479 @@
+//! What is left of a run.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use docktwin_core::DVec3;
+use docktwin_model::MechanismLimits;
+use docktwin_record::{
+    ColumnKind, ContactRow, Event, RecordError, RunReader, SUMMARY_SCHEMA, Summary, files,
+};
+use docktwin_scenario::{Scenario, load_scenario};
+
+use crate::ReportError;
+use crate::geometry::{Bodies, BodyColumns, Geometry};
+use crate::moments::{self, Moment};
+use crate::story::{Collector, Contact, KINDS, Pair};
+
+/// Ports further than this from where they were recorded mean other models, m.
+const MISMATCH_M: f64 = 1e-4;
+
+/// One tick, whole, for a picture.
+#[derive(Clone, Debug)]
+pub(crate) struct Snapshot {
+    pub(crate) time_s: f64,
+    pub(crate) bodies: Bodies,
+    pub(crate) contacts: Vec<ContactRow>,
+    /// Phase of each latch: 0 free, 1 approach, 2 struck, 3 latched.
+    pub(crate) latches: [u64; 3],
+    /// F4 on the target in `e4`, N.
+    pub(crate) port_n: Option<DVec3>,
+}
+
+/// Largest load and when, s.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Largest {
+    pub(crate) value: f64,
+    pub(crate) time_s: f64,
+}
+
+impl Largest {
+    fn see(&mut self, value: f64, time_s: f64) {
+        if value > self.value {
+            *self = Self { value, time_s };
+        }
+    }
+}
+
+/// Loads at the passive side, as the limits of a mechanism name them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Loads {
+    pub(crate) compression_n: Largest,
+    pub(crate) tension_n: Largest,
+    pub(crate) shear_n: Largest,
+    pub(crate) torsion_nm: Largest,
+    pub(crate) bending_nm: Largest,
+    pub(crate) depth_m: Largest,
+    /// Length of the force.
+    pub(crate) force_n: Largest,
+}
+
+/// A run directory, read.
+#[derive(Debug)]
+pub struct Run {
+    /// The directory.
+    pub dir: PathBuf,
+    /// Its name.
+    pub name: String,
+    /// `summary.json`, if the run came to its end.
+    pub summary: Option<Summary>,
+    /// `events.jsonl`, as far as readable.
+    pub events: Vec<Event>,
+    /// What the recorder was told.
+    pub metadata: BTreeMap<String, String>,
+    /// Pairs of surfaces.
+    pub pairs: Vec<Pair>,
+    /// Every contact, in the order of beginning.
+    pub contacts: Vec<Contact>,
+    /// Why the run is incomplete and up to when it is readable; `None` for a whole one.
+    pub incomplete: Option<String>,
+    /// What else could not be read, and what the page lacks for it.
+    pub notes: Vec<String>,
+    /// Time of every tick, s.
+    pub(crate) time_s: Vec<f64>,
+    columns: BTreeMap<String, Vec<f32>>,
+    /// Normal force by kind of pair, N, at every tick.
+    pub(crate) by_kind_n: [Vec<f32>; KINDS.len()],
+    pub(crate) scenario: Option<Scenario>,
+    pub(crate) geometry: Option<Geometry>,
+    pub(crate) no_pictures: Option<String>,
+    pub(crate) loads: Option<Loads>,
+    /// Tick of the strongest contact.
+    pub(crate) moments: Vec<(Moment, Snapshot)>,
+    pub(crate) sizes: Vec<(&'static str, u64)>,
+}
+
+impl Run {
+    /// Reads a run directory, whatever is left of it.
+    ///
+    /// # Errors
+    /// Neither log, summary nor events can be read, or the disk fails.
+    pub fn read(dir: &Path) -> Result<Self, ReportError> {
+        let mut notes = Vec::new();
+        let summary = read_summary(dir, &mut notes);
+        let events = read_events(dir, &mut notes);
+        let reader = RunReader::open(dir);
+        let sizes = [files::LOG, files::TABLE, files::EVENTS, "run.rrd"]
+            .into_iter()
+            .filter_map(|f| Some((f, fs::metadata(dir.join(f)).ok()?.len())))
+            .collect();
+        let name = dir
+            .canonicalize()
+            .unwrap_or_else(|_| dir.to_path_buf())
+            .file_name()
+            .map_or_else(|| dir.display().to_string(), |n| n.to_string_lossy().into_owned());
+        let mut run = Self {
+            dir: dir.to_path_buf(),
+            name,
+            summary,
+            events,
+            metadata: BTreeMap::new(),
+            pairs: Vec::new(),
+            contacts: Vec::new(),
+            incomplete: None,
+            notes,
+            time_s: Vec::new(),
+            columns: BTreeMap::new(),
+            by_kind_n: Default::default(),
+            scenario: None,
+            geometry: None,
+            no_pictures: None,
+            loads: None,
+            moments: Vec::new(),
+            sizes,
+        };
+        match reader {
+            Ok(reader) => run.read_log(reader)?,
+            Err(e) => {
+                if run.summary.is_none() && run.events.is_empty() {
+                    let why = why_of(&e);
+                    return Err(ReportError::Nothing { why, path: dir.to_path_buf() });
+                }
+                run.incomplete = Some(format!(
+                    "The log cannot be read ({}), so there are no plots, no pictures and no contacts.",
+                    why_of(&e)
+                ));
+                run.no_pictures = Some("the log cannot be read".to_owned());
+            }
+        }
+        if run.summary.is_none() && run.incomplete.is_none() {
+            let until = run.time_s.last().copied().unwrap_or(0.0);
+            run.incomplete = Some(format!(
+                "There is no summary.json: the run did not come to its end. Its log is readable up \
+                 to {until:.3} s."
+            ));
+        }
+        Ok(run)
+    }
+
+    fn read_log(&mut self, mut reader: RunReader) -> Result<(), ReportError> {
+        self.metadata = reader.metadata().clone();
+        self.pairs = reader.pair_names().iter().map(|n| Pair::new(n)).collect();
+        self.read_scenario();
+        let bodies = BodyColumns::find(&reader);
+        if bodies.is_none() && self.no_pictures.is_none() {
+            self.no_pictures = Some("the record has no motion of the bodies".to_owned());
+        }
+        let kept: Vec<(usize, String, ColumnKind)> = reader
+            .columns()
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| c.kind != ColumnKind::U64 || c.name.contains("phase"))
+            .map(|(i, c)| (i, c.name.clone(), c.kind))
+            .collect();
+        let mut values: Vec<Vec<f32>> = vec![Vec::new(); kept.len()];
+        let kinds: Vec<usize> = self.pairs.iter().map(Pair::kind).collect();
+        let step_s = self.tick_s();
+        let mut collector = Collector::new(self.pairs.len(), step_s);
+        let at = Places::find(&reader);
+        let mut loads = at.port4.map(|_| Loads::default());
+        let offset = self.geometry.as_ref().map_or(0.0, |g| g.mechanism.passive_ring_offset_m);
+        let mut mismatch: f64 = 0.0;
+        while let Some(tick) = reader.next_tick()? {
+            let t = tick.time.seconds();
+            self.time_s.push(t);
+            for ((i, _, kind), out) in kept.iter().zip(&mut values) {
+                let cell = tick.row.get(*i).copied().unwrap_or_default();
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_precision_loss,
+                    reason = "for plots seven digits are enough"
+                )]
+                out.push(match kind {
+                    ColumnKind::F64 => cell.as_f64() as f32,
+                    ColumnKind::U64 => cell.as_u64() as f32,
+                    ColumnKind::Bool => f32::from(u8::from(cell.as_bool())),
+                });
+            }
+            let now = bodies.as_ref().and_then(|c| c.read(&tick.row));
+            if let Some((g, b)) = self.geometry.as_ref().zip(now.as_ref()) {
+                mismatch = mismatch.max(g.mismatch_m(b));
+            }
+            collector.tick(t, &tick.contacts, now.as_ref());
+            let mut sums = [0.0f64; KINDS.len()];
+            for c in &tick.contacts {
+                sums[kinds.get(usize::from(c.pair)).copied().unwrap_or(3)] += c.normal_force_n;
+                if let Some(l) = &mut loads {
+                    l.depth_m.see(c.depth_m, t);
+                }
+            }
+            for (out, sum) in self.by_kind_n.iter_mut().zip(sums) {
+                #[expect(clippy::cast_possible_truncation, reason = "for plots")]
+                out.push(sum as f32);
+            }
+            if let (Some(l), Some((f, m))) = (&mut loads, at.port4(&tick.row)) {
+                // Moment about the centre of the passive ring, which lies at −offset on X4.
+                let m = m - (DVec3::X * -offset).cross(f);
+                l.compression_n.see(f.x, t);
+                l.tension_n.see(-f.x, t);
+                l.shear_n.see(f.y.hypot(f.z), t);
+                l.torsion_nm.see(m.x.abs(), t);
+                l.bending_nm.see(m.y.hypot(m.z), t);
+                l.force_n.see(f.length(), t);
+            }
+        }
+        self.columns = kept.into_iter().map(|(_, name, _)| name).zip(values).collect();
+        self.contacts = collector.finish();
+        self.loads = loads;
+        if let Some(cut) = reader.cut() {
+            let until =
+                self.time_s.last().map_or("nothing".to_owned(), |t| format!("up to {t:.3} s"));
+            self.incomplete = Some(format!(
+                "The log stops before its end mark ({}). Readable: {until}; everything below is \
+                 about that part.",
+                cut.why
+            ));
+        }
+        if mismatch > MISMATCH_M {
+            self.geometry = None;
+            self.no_pictures = Some(format!(
+                "the models found are not those of the run: they put the ports {:.1} mm from where \
+                 they were recorded",
+                mismatch * 1e3
+            ));
+        }
+        self.snapshots(&mut reader, bodies.as_ref(), &at)?;
+        Ok(())
+    }
+
+    /// Second pass: the ticks of the key moments.
+    fn snapshots(
+        &mut self,
+        reader: &mut RunReader,
+        bodies: Option<&BodyColumns>,
+        at: &Places,
+    ) -> Result<(), RecordError> {
+        let (Some(columns), Some(_)) = (bodies, &self.geometry) else { return Ok(()) };
+        let mut wanted = moments::choose(self).into_iter().peekable();
+        reader.rewind()?;
+        while let Some(m) = wanted.peek() {
+            let Some(tick) = reader.next_tick()? else { break };
+            let t = tick.time.seconds();
+            if t + 1e-9 < m.time_s {
+                continue;
+            }
+            let Some(bodies) = columns.read(&tick.row) else { continue };
+            let phase =
+                |i: Option<usize>| i.and_then(|i| tick.row.get(i)).map_or(0, |c| c.as_u64());
+            let snapshot = Snapshot {
+                time_s: t,
+                bodies,
+                contacts: tick.contacts.clone(),
+                latches: at.latches.map(phase),
+                port_n: at.port4(&tick.row).map(|(f, _)| f),
+            };
+            if let Some(m) = wanted.next() {
+                self.moments.push((m, snapshot));
+            }
+        }
+        Ok(())
+    }
+
+    fn read_scenario(&mut self) {
+        let path = self.dir.join(files::SCENARIO);
+        match load_scenario(&path, &[]) {
+            Ok(s) => {
+                let changed: Vec<String> = s
+                    .files
+                    .iter()
+                    .filter(|f| {
+                        let digest = f.digest.to_string();
+                        // The scenario of a run carries its overrides, so its digest is another.
+                        f.path.extension().is_some_and(|e| e == "urdf")
+                            && !self.metadata.is_empty()
+                            && !self.metadata.values().any(|v| *v == digest)
+                    })
+                    .filter_map(|f| Some(f.path.file_name()?.to_string_lossy().into_owned()))
+                    .collect();
+                if !changed.is_empty() {
+                    self.notes.push(format!(
+                        "{} changed since the run; pictures, limits and places are by what is there \
+                         now.",
+                        changed.join(", ")
+                    ));
+                }
+                self.geometry = Some(Geometry::new(&s));
+                self.scenario = Some(s);
+            }
+            Err(e) => {
+                let first = e.problems.first().map_or(String::new(), |p| {
+                    let n = e.problems.len();
+                    let more = if n > 1 { format!(" and {} more", n - 1) } else { String::new() };
+                    format!("{}{more}", p.what)
+                });
+                self.no_pictures =
+                    Some(format!("scenario.toml and its models cannot be loaded: {first}"));
+            }
+        }
+    }
+
+    /// Length of a tick, s.
+    pub(crate) fn tick_s(&self) -> f64 {
+        let nanos: Option<f64> = self.metadata.get("tick_nanos").and_then(|n| n.parse().ok());
+        nanos.filter(|n| *n > 0.0).map_or(1e-3, |n| n * 1e-9)
+    }
+
+    /// A column as a curve over time, scaled.
+    pub(crate) fn curve(&self, column: &str, factor: f64) -> Option<Vec<[f64; 2]>> {
+        let values = self.columns.get(column)?;
+        Some(self.over_time(values, factor))
+    }
+
+    /// Values at every tick as a curve over time, scaled.
+    pub(crate) fn over_time(&self, values: &[f32], factor: f64) -> Vec<[f64; 2]> {
+        self.time_s.iter().zip(values).map(|(t, v)| [*t, f64::from(*v) * factor]).collect()
+    }
+
+    /// Names of the columns kept.
+    pub(crate) fn column_names(&self) -> impl Iterator<Item = &str> {
+        self.columns.keys().map(String::as_str)
+    }
+
+    pub(crate) fn limits(&self) -> Option<&MechanismLimits> {
+        self.geometry.as_ref().map(|g| &g.mechanism.limits)
+    }
+
+    /// Simulated time the record covers, s.
+    pub(crate) fn end_s(&self) -> f64 {
+        self.time_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// First contact: by the summary, or by the record.
+    pub(crate) fn first_contact_s(&self) -> Option<f64> {
+        self.summary
+            .as_ref()
+            .and_then(|s| s.first_contact_s)
+            .or_else(|| self.contacts.first().map(|c| c.begin_s))
+    }
+
+    /// Capture: by the summary, or by the events.
+    pub(crate) fn capture_s(&self) -> Option<f64> {
+        self.summary
+            .as_ref()
+            .and_then(|s| s.capture_s)
+            .or_else(|| self.events.iter().find(|e| e.kind == "captured").map(|e| e.time_s))
+    }
+
+    /// When each latch caught for good.
+    pub(crate) fn latched_s(&self) -> [Option<f64>; 3] {
+        core::array::from_fn(|i| {
+            if let Some(s) = &self.summary {
+                return s.latches_s.get(i).copied().flatten();
+            }
+            let number = u64::try_from(i + 1).unwrap_or(0);
+            self.events
+                .iter()
+                .rfind(|e| e.kind == "latched" && e.body["latch"].as_u64() == Some(number))
+                .map(|e| e.time_s)
+        })
+    }
+
+    /// Whether the mechanism has latches, as far as is known.
+    pub(crate) fn has_latches(&self) -> bool {
+        match &self.geometry {
+            Some(g) => g.mechanism.latches.is_some(),
+            None => self.latched_s().iter().any(Option::is_some),
+        }
+    }
+
+    /// The strongest contact.
+    pub(crate) fn strongest(&self) -> Option<&Contact> {
+        self.contacts.iter().max_by(|a, b| a.peak.force_n.total_cmp(&b.peak.force_n))
+    }
+}
+
+/// Columns of the loads and of the latches.
+struct Places {
+    port4: Option<[usize; 6]>,
+    latches: [Option<usize>; 3],
+}
+
+impl Places {
+    fn find(r: &RunReader) -> Self {
+        let names = [
+            "port4_force_x_n",
+            "port4_force_y_n",
+            "port4_force_z_n",
+            "port4_moment_x_nm",
+            "port4_moment_y_nm",
+            "port4_moment_z_nm",
+        ];
+        let [a, b, c, d, e, f] = names.map(|n| r.column_index(n));
+        let all = || Some([a?, b?, c?, d?, e?, f?]);
+        let latch = |i: usize| r.column_index(&format!("latch_{}_phase", i + 1));
+        Self { port4: all(), latches: core::array::from_fn(latch) }
+    }
+
+    /// F4 and M4 at the origin of `e4`, in `e4`.
+    fn port4(&self, row: &[docktwin_record::Cell]) -> Option<(DVec3, DVec3)> {
+        let [a, b, c, d, e, f] = self.port4?.map(|i| row.get(i).map_or(f64::NAN, |c| c.as_f64()));
+        let (force, moment) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
+        (force.is_finite() && moment.is_finite()).then_some((force, moment))
+    }
+}
+
+/// The reason alone: the page and the error name the path themselves.
+fn why_of(e: &RecordError) -> String {
+    match e {
+        RecordError::NotARecording { why, .. } => why.clone(),
+        RecordError::Io { action, reason, .. } => format!("could not {action}: {reason}"),
+        other => other.to_string(),
+    }
+}
+
+fn read_summary(dir: &Path, notes: &mut Vec<String>) -> Option<Summary> {
+    let text = fs::read_to_string(dir.join(files::SUMMARY)).ok()?;
+    let said = serde_json::from_str::<serde_json::Value>(&text).and_then(|v| {
+        let schema = v["schema_version"].as_u64().unwrap_or(0);
+        serde_json::from_value::<Summary>(v).map(|s| (schema, s))
+    });
+    match said {
+        Ok((schema, s)) if schema <= u64::from(SUMMARY_SCHEMA) => Some(s),
+        Ok((schema, _)) => {
+            notes.push(format!(
+                "summary.json has schema {schema}, this docktwin reads up to {SUMMARY_SCHEMA}; it is \
+                 left out."
+            ));
+            None
+        }
+        Err(e) => {
+            notes.push(format!("summary.json is damaged and left out ({e})."));
+            None
+        }
+    }
+}
+
+fn read_events(dir: &Path, notes: &mut Vec<String>) -> Vec<Event> {
+    let Ok(bytes) = fs::read(dir.join(files::EVENTS)) else {
+        notes.push(
+            "events.jsonl cannot be read; latches and capture are by the summary.".to_owned(),
+        );
+        return Vec::new();
+    };
+    let text = String::from_utf8_lossy(&bytes);
+    let mut bad = 0usize;
+    let events = text
+        .lines()
+        .filter(|l| !l.trim().is_empty())
+        .filter_map(|l| {
+            let e = serde_json::from_str::<Event>(l).ok();
+            bad += usize::from(e.is_none());
+            e
+        })
+        .collect();
+    if bad > 0 {
+        notes.push(format!("{bad} damaged lines of events.jsonl are left out."));
+    }
+    events
+}
