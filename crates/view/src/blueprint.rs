@@ -123,6 +123,8 @@ fn layout(look: &Look) -> Node {
             "/scene/chaser/**",
             "/scene/attenuator_legs/**",
             "/scene/target/hull/**",
+            // Without labels, arrows of the past would be taken for those of now.
+            "/scene/active_ring/peaks",
         ],
     );
     let log = Node::View {
