@@ -49,6 +49,7 @@ pub fn content(path: &Path) -> Result<BTreeMap<String, Vec<String>>, String> {
         for i in 0..chunk.num_rows() {
             let mut row = times.get(i).map_or_else(|| "static".to_owned(), i64::to_string);
             let mut values = BTreeMap::new();
+            #[expect(clippy::iter_over_hash_type, reason = "goes into a sorted map")]
             for (name, column) in chunk.components().iter() {
                 let value = column.list_array.value(i);
                 values.insert(name.to_string(), format!("{value:?}"));
