@@ -263,7 +263,8 @@ fn stories(s: &[Option<Summary>; 2]) -> Vec<(&'static str, String, String)> {
         (a, b)
     };
     let seconds = |t: Option<f64>| t.map(|t| format!("{t:.4} s"));
-    let rows: [(&'static str, &dyn Fn(&Summary) -> Option<String>); 9] = [
+    type Row<'a> = (&'static str, &'a dyn Fn(&Summary) -> Option<String>);
+    let rows: [Row<'_>; 9] = [
         ("outcome", &|s| Some(s.outcome.to_string())),
         ("latch order", &|s| Some(latch_order(&s.latches_s))),
         ("first contact", &|s| seconds(s.first_contact_s)),

@@ -5,7 +5,7 @@ use std::{io::Write as _, process::ExitCode};
 use docktwin::{playback::PlaybackError, setup::StartOverlap};
 use docktwin_model::{
     ModelErrors, Problem,
-    input::{plain, shown},
+    input::{plain, shown, shown_path},
 };
 use docktwin_record::RecordError;
 use docktwin_report::ReportError;
@@ -108,7 +108,7 @@ struct Said {
 /// A problem as scripts get it.
 pub(crate) fn problem_json(p: &Problem) -> serde_json::Value {
     serde_json::json!({
-        "file": plain(&p.file.to_string_lossy()),
+        "file": shown_path(&p.file),
         "line": p.line,
         "key": shown(&p.key),
         "value": shown(&p.value),
@@ -135,6 +135,19 @@ impl Failure {
     fn problems(&self) -> Vec<Problem> {
         match self {
             Self::Input { problems } => problems.clone(),
+            Self::Record(e) => vec![Problem {
+                file: match e {
+                    RecordError::Exists { path }
+                    | RecordError::Io { path, .. }
+                    | RecordError::Newer { path, .. }
+                    | RecordError::NotARecording { path, .. }
+                    | RecordError::Absent { path, .. } => path.clone(),
+                    _ => Default::default(),
+                },
+                key: "recording".to_owned(),
+                what: e.to_string(),
+                ..Problem::default()
+            }],
             other => vec![Problem {
                 key: "usage".to_owned(),
                 what: other.to_string(),

@@ -74,7 +74,10 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
         "reduced" => compare(&mut reader, ReducedTwin::new(system, bodies, h), steps, &args.run)?,
         other => {
             return Err(Failure::Usage {
-                what: format!("the recording was made by a twin called `{other}`"),
+                what: format!(
+                    "the recording was made by a twin called `{other}`: {}",
+                    args.run.display()
+                ),
                 remedy: "this version knows `full` and `reduced`".to_owned(),
             });
         }

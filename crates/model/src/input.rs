@@ -11,6 +11,8 @@ use crate::problem::Problem;
 pub const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// Problems listed of one file; what is beyond is counted.
 pub(crate) const MAX_PROBLEMS: usize = 100;
+/// Longest path shown in a message, characters: PATH_MAX of Linux.
+const LONGEST_PATH: usize = 4096;
 /// Longest name or value shown in a message, characters.
 const SHOWN: usize = 120;
 
@@ -156,6 +158,18 @@ pub fn shown(text: &str) -> String {
         out.push('…');
     }
     plain(&out).replace('\n', "\\n")
+}
+
+/// A path as it is shown: printable, and only its end when it is longer than any system takes.
+#[must_use]
+pub fn shown_path(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    let n = text.chars().count();
+    if n <= LONGEST_PATH {
+        return plain(&text).replace('\n', "\\n");
+    }
+    let end: String = text.chars().skip(n - LONGEST_PATH).collect();
+    format!("…{}", plain(&end).replace('\n', "\\n"))
 }
 
 /// The first of many problems of one file, and the number of the others as the last.

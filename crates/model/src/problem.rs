@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::Digest;
 
-use crate::input::{self, first_of, plain, shown};
+use crate::input::{self, first_of, plain, shown, shown_path};
 
 /// One thing wrong with a file: where, what stands there, what may stand there, what to do.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -49,7 +49,7 @@ impl fmt::Display for Problem {
 
 /// `[file:line]`.
 fn place(f: &mut fmt::Formatter<'_>, file: &Path, line: Option<usize>) -> fmt::Result {
-    write!(f, "[{}", one_line(&file.to_string_lossy()))?;
+    write!(f, "[{}", shown_path(file))?;
     if let Some(line) = line {
         write!(f, ":{line}")?;
     }

@@ -624,6 +624,11 @@ impl<'c, 'a> Table<'c, 'a> {
     /// The note of an entry: exactly one of `source` and `assumed`, not empty.
     fn note_of(&self, key: &'static str, e: &Entry<'_, '_>) -> Option<String> {
         let table = e.value.as_table();
+        let notes = ["source", "assumed"].map(|k| table?.get(k)?.get_ref().as_str());
+        if notes.into_iter().flatten().any(|n| n.chars().any(is_unprintable_in_text)) {
+            self.wrong(key, e, "has a note that cannot be printed", "a note of printable text");
+            return None;
+        }
         let text = |k: &str| {
             let t = table?.get(k)?.get_ref().as_str()?.trim();
             (!t.is_empty()).then(|| format!("{k}: {t}"))

@@ -423,6 +423,16 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
         ));
         return None;
     }
+    let links = root.children().filter(|n| n.has_tag_name("link")).count();
+    if links > MAX_LINKS {
+        out.problems.push(problem(
+            Some(line_of.at(root.range().start)),
+            "robot",
+            format!("has {links} links; allowed: at most {MAX_LINKS}"),
+            "leave out links that carry no mass",
+        ));
+        return None;
+    }
     let problems_before = out.problems.len();
     Walk { path, lines: &line_of, out }.element(root);
 
@@ -470,11 +480,6 @@ fn place_links(
             ..Problem::default()
         });
     };
-    if robot.links.len() > MAX_LINKS {
-        let what = format!("has {} links; allowed: at most {MAX_LINKS}", robot.links.len());
-        refuse("robot", &robot.name, what, "leave out links that carry no mass".into());
-        return None;
-    }
     let mut names = BTreeSet::new();
     for link in &robot.links {
         if !names.insert(link.name.as_str()) {

@@ -71,7 +71,10 @@ pub enum RecordError {
     },
 
     /// Not a recording of ours, or one that died before its first byte of content.
-    #[error("not a docktwin recording: {why}: {}", .path.display())]
+    #[error(
+        "not a docktwin recording: {why}; give a run directory that docktwin made, or another copy: {}",
+        .path.display()
+    )]
     NotARecording {
         /// What is missing.
         why: String,

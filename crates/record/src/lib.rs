@@ -20,6 +20,7 @@
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 
+mod bounded;
 mod column;
 mod compare;
 mod container;

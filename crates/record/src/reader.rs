@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::{SimTime, Tick};
 use mcap::records::{Record, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
+use crate::bounded;
 use crate::column::{
     self, CONTACTS_TOPIC, Cell, Column, ColumnKind, ContactRow, EVENTS_TOPIC, TICK_TOPIC,
 };
@@ -125,7 +125,10 @@ impl From<io::Error> for Stop {
 
 impl From<mcap::McapError> for Stop {
     fn from(e: mcap::McapError) -> Self {
-        Self::Cut(e.to_string())
+        match e {
+            mcap::McapError::Io(e) => Self::Cut(e.to_string()),
+            other => Self::Cut(other.to_string()),
+        }
     }
 }
 
@@ -351,7 +354,7 @@ impl RunReader {
                 let (op, body) = (self.record[0], &self.record[RECORD_HEADER..]);
                 match op {
                     op::HEADER => Ok(None),
-                    op::METADATA => Ok(Some(mcap::parse_record(op, body)?)),
+                    op::METADATA => Ok(Some(bounded::parse(op, body)?)),
                     _ => Err(Stop::Cut("the metadata of docktwin is not there".into())),
                 }
             });
@@ -386,7 +389,11 @@ impl RunReader {
         }
         let problems = column::problems(&self.columns);
         if !problems.is_empty() {
-            return Err(RecordError::Columns(problems));
+            return Err(self.not_ours(format!(
+                "{} columns are wrong, first {}",
+                problems.len(),
+                problems[0]
+            )));
         }
         self.topics = layout::topics(&self.columns);
         Ok(())
@@ -449,6 +456,12 @@ impl RunReader {
                 }
                 self.ended = true;
             }
+            // What is not needed must at least be what it says: a chunk whose opcode was damaged
+            // would be passed over in silence. Private records (0x80 and above) are let be.
+            op @ 1..0x80 => {
+                bounded::parse(op, &self.record[RECORD_HEADER..])
+                    .inspect_err(|_| self.at = before)?;
+            }
             _ => {}
         }
         Ok(())
@@ -456,13 +469,7 @@ impl RunReader {
 
     /// All ticks of the chunk in `self.record`, or none.
     fn read_chunk(&mut self) -> Result<Vec<TickRecord>, Stop> {
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_start_magic(true)
-                .with_skip_end_magic(true)
-                .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(MAX_CHUNK_BYTES),
-        );
+        let records = bounded::records_of(&self.record[RECORD_HEADER..], MAX_CHUNK_BYTES)?;
         let mut chunk = ChunkTicks {
             columns: self.columns.len(),
             topics: &self.topics,
@@ -471,19 +478,12 @@ impl RunReader {
             events: Vec::new(),
             messages: 0,
         };
-        let mut rest = &self.record[..];
-        while let Some(event) = reader.next_event() {
-            match event? {
-                LinearReadEvent::ReadRequest(need) => {
-                    let (now, later) = rest.split_at(need.min(rest.len()));
-                    reader.insert(now.len()).copy_from_slice(now);
-                    reader.notify_read(now.len());
-                    rest = later;
-                }
-                LinearReadEvent::Record { data, opcode } => {
-                    chunk.record(mcap::parse_record(opcode, data)?)?;
-                }
-            }
+        let mut rest = &records[..];
+        while !rest.is_empty() {
+            let (op, body, after) = bounded::first_record(rest)
+                .ok_or_else(|| Stop::Cut("a chunk that ends within a record".into()))?;
+            chunk.record(bounded::parse(op, body)?)?;
+            rest = after;
         }
         chunk.end_tick()?;
         let ChunkTicks { ticks, events, .. } = chunk;
