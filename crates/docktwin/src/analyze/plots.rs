@@ -186,14 +186,18 @@ fn contact_plot(loops: &[(f64, Vec<[f64; 2]>)]) -> Result<String, PlotError> {
 /// Plots in rows on one sheet.
 fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
     const GAP: f64 = 10.0;
+    // The names of the vertical axes reach a little beyond their plots.
+    const MARGIN: f64 = 6.0;
     let (mut body, mut y, mut width) = (String::new(), 0.0f64, 0.0f64);
     for row in rows {
         let (mut x, mut tallest) = (0.0, 0.0f64);
         for plot in *row {
             let svg = plot.svg(Embed::Page)?;
             let [w, h] = view_box(&svg);
-            let placed =
-                format!("<svg x=\"{x:.0}\" y=\"{y:.0}\" width=\"{w:.0}\" height=\"{h:.0}\"");
+            let placed = format!(
+                "<svg x=\"{x:.0}\" y=\"{y:.0}\" width=\"{w:.0}\" height=\"{h:.0}\" \
+                 overflow=\"visible\""
+            );
             body.push_str(&svg.replacen("<svg class=\"dtp\"", &placed, 1));
             x += w + GAP;
             tallest = tallest.max(h);
@@ -206,8 +210,11 @@ fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
     let _ = writeln!(
         out,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"dtp\" \
-         viewBox=\"0 0 {width:.0} {y:.0}\"><style>{STYLE}</style>\
-         <rect class=\"dtf11\" fill=\"#fff\" width=\"100%\" height=\"100%\"/>{body}</svg>"
+         viewBox=\"{:.0} 0 {:.0} {y:.0}\"><style>{STYLE}</style>\
+         <rect class=\"dtf11\" fill=\"#fff\" x=\"{:.0}\" width=\"100%\" height=\"100%\"/>{body}</svg>",
+        -MARGIN,
+        width + MARGIN,
+        -MARGIN
     );
     Ok(out)
 }
