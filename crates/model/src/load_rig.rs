@@ -61,6 +61,7 @@ struct Said {
 }
 
 pub(crate) fn read_rig(urdf_path: &Path, out: &mut Findings) -> Option<Rig> {
+    let start = out.problems.len();
     let urdf_text = out.read(urdf_path, "rig URDF");
     let toml_path = urdf_path.with_extension("toml");
     let toml_text = out.read(&toml_path, "TOML beside the URDF");
@@ -68,19 +69,25 @@ pub(crate) fn read_rig(urdf_path: &Path, out: &mut Findings) -> Option<Rig> {
     let toml_text = toml_text?;
     let checker = Checker::new(&toml_path, &toml_text);
     let said = checker.read(|t| read_toml(t, tree.as_ref()));
-    let clean = checker.is_clean();
     let (problems, values) = checker.finish();
     out.problems.extend(problems);
     out.values.extend(values);
     let (tree, said) = (tree?, said?);
-    // Without the names and points of the TOML the tree cannot be put together.
-    if !clean {
+    // The tree can be put together from right names and points, whatever else is wrong.
+    let names = [&said.ground, &said.rack, &said.active, &said.plate, &said.passive];
+    let known = |name: &String| tree.links.contains_key(name);
+    let whole = said.closures.len() == 6
+        && names.into_iter().all(known)
+        && said
+            .closures
+            .iter()
+            .all(|c| known(&c.rod) && c.rod_point_m.is_finite() && c.plate_point_m.is_finite());
+    if !whole {
         return None;
     }
-    let before = out.problems.len();
     let rig = Assembly { urdf_path, toml_path: &toml_path, tree: &tree, out }.put(said)?;
     // Geometry of wrong numbers means nothing.
-    if out.problems.len() == before {
+    if out.problems.len() == start {
         rig_check::check(&rig, urdf_path, &toml_path, out);
     }
     Some(rig)

@@ -655,6 +655,15 @@ fn regress_impossible_rigs_are_refused_by_file() {
             &[("toml", "area_m2 = { value = 0.06", "area_m2 = { value = -0.06")],
             &["hydraulics.area_m2 = -0.06 m²: is out of range"],
         ),
+        // All problems of both files at once.
+        (
+            &[
+                ("toml", "area_m2 = { value = 0.06", "area_m2 = { value = -0.06"),
+                ("urdf", r#"<mass value="150"/>"#, r#"<mass value="-150"/>"#),
+                ("urdf", r#"<axis xyz="0 1 0"/>"#, r#"<axis xyz="0 -1 0"/>"#),
+            ],
+            &["hydraulics.area_m2", "mass of link `rod_0`", "joint `tilt_0`"],
+        ),
         (
             &[("urdf", r#"upper="1.28""#, r#"upper="1.0""#)],
             &[
