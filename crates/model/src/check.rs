@@ -4,8 +4,10 @@ use toml::de::DeTable;
 
 use crate::input;
 use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
+use crate::load_rig::read_rig;
 use crate::load_spacecraft::read_spacecraft;
 use crate::problem::{Findings, Note, Problem, ReadValue};
+use crate::rig_check;
 use crate::toml_check::Checker;
 
 /// What a model file describes, as its TOML says.
@@ -14,6 +16,7 @@ pub(crate) enum Kind {
     Spacecraft,
     MechanismActive,
     MechanismPassive,
+    Rig,
 }
 
 /// The `kind` of a TOML file, if it can be read.
@@ -25,6 +28,7 @@ pub(crate) fn kind_of(toml: &Path) -> Option<Kind> {
         "spacecraft" => Some(Kind::Spacecraft),
         "mechanism_active" => Some(Kind::MechanismActive),
         "mechanism_passive" => Some(Kind::MechanismPassive),
+        "rig" => Some(Kind::Rig),
         _ => None,
     }
 }
@@ -46,7 +50,8 @@ fn unknown_kind(path: &Path, out: &mut Findings) {
         return;
     };
     let checker = Checker::new(&toml, &text);
-    let words = [("spacecraft", ()), ("mechanism_active", ()), ("mechanism_passive", ())];
+    let words =
+        [("spacecraft", ()), ("mechanism_active", ()), ("mechanism_passive", ()), ("rig", ())];
     let is_scenario = checker.read_some(|t| {
         let scenario = ["initial", "run", "expect"].iter().any(|k| t.has(k));
         if !scenario {
@@ -81,6 +86,8 @@ pub struct Report {
     pub read: Vec<String>,
     /// What is there but not used, and why.
     pub ignored: Vec<String>,
+    /// What is used although it looks wrong, and why; the model can still be right.
+    pub flagged: Vec<String>,
     /// What is wrong. Empty: the model is right.
     pub refused: Vec<String>,
 }
@@ -93,9 +100,14 @@ impl Report {
             self.files.iter().map(|f| format!("file    {}", f.to_string_lossy())).collect();
         lines.extend(self.read.iter().map(|l| format!("read    {l}")));
         lines.extend(self.ignored.iter().map(|l| format!("ignored {l}")));
+        lines.extend(self.flagged.iter().map(|l| format!("flagged {l}")));
         lines.extend(self.refused.iter().map(|l| format!("refused {l}")));
+        let flagged = match self.flagged.len() {
+            0 => String::new(),
+            n => format!("{n} flagged, "),
+        };
         lines.push(format!(
-            "{} values read, {} ignored, {} refused",
+            "{} values read, {} ignored, {flagged}{} refused",
             self.read.len(),
             self.ignored.len(),
             self.refused.len()
@@ -117,6 +129,12 @@ pub fn model_check(path: &Path) -> Report {
     match kind {
         Some(Kind::Spacecraft) => {
             read_spacecraft(&urdf, true, &mut out);
+        }
+        Some(Kind::Rig) => {
+            let rig = read_rig(&urdf, &mut out);
+            // What follows from wrong numbers means nothing.
+            let rig = rig.filter(|_| out.problems.is_empty());
+            return report(out, rig.map(|r| rig_check::summary(&r)).unwrap_or_default());
         }
         Some(kind) => {
             let (ours, theirs) = match kind {
@@ -167,6 +185,7 @@ fn report(out: Findings, derived: Vec<String>) -> Report {
         files,
         read,
         ignored: out.notes.iter().map(ToString::to_string).collect(),
+        flagged: out.flags.iter().map(ToString::to_string).collect(),
         refused: problems.iter().map(ToString::to_string).collect(),
         values: out.values,
         notes: out.notes,
