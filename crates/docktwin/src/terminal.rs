@@ -2,8 +2,12 @@
 
 use core::fmt;
 use std::io::{ErrorKind, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use docktwin_model::input::plain;
+
+/// Whether a lost output was told.
+static TOLD: AtomicBool = AtomicBool::new(false);
 
 /// Prints a line. A reader that has gone (`docktwin … | head`) is no error of ours; a full disk
 /// behind `>` is told once on stderr, and the run goes on.
@@ -11,6 +15,7 @@ pub(crate) fn line(mut to: impl Write, text: fmt::Arguments<'_>) {
     let said = writeln!(to, "{}", plain(&text.to_string())).and_then(|()| to.flush());
     if let Err(e) = said
         && e.kind() != ErrorKind::BrokenPipe
+        && !TOLD.swap(true, Ordering::Relaxed)
     {
         // Nothing can be done when stderr is gone too.
         let _ = writeln!(std::io::stderr(), "the output could not be written: {e}");

@@ -146,7 +146,9 @@ fn check_full(done: &Output, read: &Path, how: &str) {
     assert!(got.len() >= 100 && r.cut().is_some(), "{} ticks, {said}", got.len());
     let summary = r.summary().expect("readable").expect("room was kept for it");
     let recording = summary.recording.expect("told");
-    assert_eq!(recording.ticks, got.len() as u64, "{said}");
+    // Of the chunk that met the end of the disk, the ticks may be there and only their index not.
+    let more = got.len() as u64 - recording.ticks;
+    assert!(more <= 50, "{} ticks told, {} there, {said}", recording.ticks, got.len());
     assert!(recording.error.is_some_and(|e| e.contains("run.mcap")), "{said}");
     assert_eq!(summary.verdict.to_string(), "degraded");
     assert!(summary.failure_reason.is_some_and(|w| w.contains("free some space")));

@@ -275,9 +275,9 @@ fn regress_expectations_make_the_verdict() {
 const BAD: &[(&str, &str, &str)] = &[
     ("schema = 1", "", "schema: is missing"),
     ("schema = 1", "schema = 2", "whole number from 1 to 1"),
-    ("name = \"whole\"", "name = \"\"", "name = \"\": is empty"),
-    ("name = \"whole\"", "", "name: is missing"),
-    ("name = \"whole\"", "title = \"whole\"", "title = \"whole\": is not a known key"),
+    ("name = \"my_approach\"", "name = \"\"", "name = \"\": is empty"),
+    ("name = \"my_approach\"", "", "name: is missing"),
+    ("name = \"my_approach\"", "title = \"whole\"", "title = \"whole\": is not a known key"),
     ("[chaser]\nmodel = ", "[chaser]\nmodle = ", "did you mean `model`?"),
     ("[chaser]\nmodel = ", "[chaser]\nmodel = 5 # ", "chaser.model = 5: is an integer"),
     ("chaser_8t.urdf", "chaser_9t.urdf", "is found neither beside the scenario"),

@@ -1,4 +1,5 @@
 use std::collections::BTreeMap;
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
 use rerun::external::re_log_encoding::DecoderApp;
@@ -20,13 +21,17 @@ fn each(path: &Path, mut look: impl FnMut(LogMsg) -> Result<(), String>) -> Resu
 /// contents at the end.
 #[must_use]
 pub fn is_whole(path: &Path) -> bool {
-    let mut some = false;
-    each(path, |_| {
-        some = true;
-        Ok(())
-    })
-    .is_ok()
-        && some
+    ends_with_its_footer(path).unwrap_or(false) && each(path, |_| Ok(())).is_ok()
+}
+
+/// Whether the last frame of the file is that of its table of contents: 12 bytes, the tag
+/// `RRF2`, the word `FOOT` and a count (`StreamFooter` of re_log_encoding).
+fn ends_with_its_footer(path: &Path) -> std::io::Result<bool> {
+    let mut file = std::fs::File::open(path)?;
+    file.seek(SeekFrom::End(-12))?;
+    let mut end = [0; 8];
+    file.read_exact(&mut end)?;
+    Ok(end == *b"RRF2FOOT")
 }
 
 /// What a recording (not its blueprint) holds, entity by entity, as text: a row with its time in
