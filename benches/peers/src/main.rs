@@ -5,9 +5,10 @@
 //! machine disturbs less than with a clock on the wall. Phases: `free` until first contact, `contact`
 //! until the first latch (or the end), `whole`.
 
-use std::{path::PathBuf, process::ExitCode, time::Instant};
+use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Parser, ValueEnum};
+use cpu_time::ThreadTime;
 use docktwin::setup::{inputs, start};
 use docktwin_physics::{
     mechanism::System,
@@ -80,18 +81,6 @@ fn refuse(why: &str) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// Processor time of this thread, s; time on the wall where the system does not tell.
-struct Cost(Instant);
-
-impl Cost {
-    fn now(&self) -> f64 {
-        std::fs::read_to_string("/proc/thread-self/schedstat")
-            .ok()
-            .and_then(|s| s.split(' ').next()?.parse::<f64>().ok())
-            .map_or_else(|| self.0.elapsed().as_secs_f64(), |ns| ns / 1e9)
-    }
-}
-
 fn run<T: DockingTwin>(
     mut twin: T,
     scenario: &Scenario,
@@ -103,15 +92,16 @@ fn run<T: DockingTwin>(
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of a run")]
     let (ticks, every) =
         ((until / tick_s).round() as u64, (args.sample_s / tick_s).round().max(1.0) as u64);
-    let cost = Cost(Instant::now());
+    let clock = ThreadTime::now();
+    let now = || clock.elapsed().as_secs_f64();
     let (mut first, mut latch) = (None, None);
     let mut spent = 0.0;
     let mut poses = Vec::new();
-    let mut begin = cost.now();
+    let mut begin = now();
     for tick in 0..ticks {
         if tick % every == 0 {
             // Looking at the result is not part of the cost.
-            spent += cost.now() - begin;
+            spent += now() - begin;
             let state = twin.state();
             poses.push(relative(twin.system(), &state));
             if first.is_none() && state.first_contact_s.is_some() {
@@ -120,7 +110,7 @@ fn run<T: DockingTwin>(
             if latch.is_none() && state.mechanism.latches.iter().any(|l| l.times_s[2].is_some()) {
                 latch = Some((tick, spent));
             }
-            begin = cost.now();
+            begin = now();
         }
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
         let time_s = tick as f64 * tick_s;
@@ -133,7 +123,7 @@ fn run<T: DockingTwin>(
             twin.step(&control);
         }
     }
-    spent += cost.now() - begin;
+    spent += now() - begin;
     let state = twin.state();
     let end = (ticks, spent);
     let phase = |from: (u64, f64), to: (u64, f64)| {

@@ -66,10 +66,11 @@ pub fn content(path: &Path) -> Result<BTreeMap<String, Vec<String>>, String> {
         }
         Ok(())
     })?;
-    // A segment of the trace is sent in pieces; rows of one entity stay in order of time.
+    // Pieces of one entity may come in any order; those of one time are told apart by their content.
     for rows in out.values_mut() {
-        rows.sort_by_key(|r| {
-            r.split(' ').next().and_then(|t| t.parse::<i64>().ok()).unwrap_or(i64::MIN)
+        rows.sort_by_cached_key(|r| {
+            let time = r.split(' ').next().and_then(|t| t.parse::<i64>().ok());
+            (time.unwrap_or(i64::MIN), r.clone())
         });
     }
     Ok(out)
