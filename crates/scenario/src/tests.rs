@@ -354,5 +354,5 @@ fn regress_bad_scenarios_are_refused_with_a_reason() {
         assert!(problems.len() == 1 && problems[0].line > Some(1), "{problems:?}");
     }
     let gone = load_scenario(Path::new("gone.toml"), &[]).expect_err("no such file");
-    assert!(gone.to_string().contains("cannot be read"));
+    assert!(gone.to_string().contains("does not exist"));
 }
