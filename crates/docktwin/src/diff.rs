@@ -153,6 +153,16 @@ fn exact(
     let (cuts, apart) = (cuts(args, a, b), told_apart(a, b));
     let ticks = [&*a, b].map(|r| r.last_tick().map_or(0, |(t, _)| t.0 + 1));
     let compared = ticks[0].min(ticks[1]);
+    if compared == 0 && found.is_none() {
+        let empty = if ticks[0] == 0 { &args.run_a } else { &args.run_b };
+        return Err(Failure::Usage {
+            what: format!(
+                "no tick of this run can be read, so nothing can be compared: {}",
+                empty.display()
+            ),
+            remedy: "give a run that was recorded for at least one tick".to_owned(),
+        });
+    }
     if json {
         let told = |d: &Difference| {
             let (body, component, unit) = words(a, &d.column);

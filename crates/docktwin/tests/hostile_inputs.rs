@@ -730,6 +730,15 @@ fn regress_hostile_mechanisms() {
 /// Commands that read a run directory, which is the word after these.
 const READERS: &[&[&str]] = &[&["replay"]];
 
+/// Commands that make something of whatever is left of a run, the run directory first.
+const GLEANERS: &[&[&str]] = &[
+    &["report", "run"],
+    &["view", "run", "--save", "view.rrd"],
+    &["export", "run", "--format", "csv", "--out", "left.csv"],
+    &["diff", "good", "run"],
+    &["diff", "run", "good", "--tolerance", "1e-3"],
+];
+
 /// What a reader may do with a damaged recording.
 #[derive(Clone, Copy, PartialEq)]
 enum Ends {
@@ -1006,6 +1015,10 @@ fn regress_damaged_recordings() {
     );
     let log = run.join("run.mcap");
     let good = fs::read(&log).expect("a log");
+    fs::create_dir(at.join("good")).expect("a folder");
+    for file in ["run.mcap", "summary.json", "scenario.toml"] {
+        fs::copy(run.join(file), at.join("good").join(file)).expect("copied");
+    }
     for reader in READERS {
         let words = [reader, &["run"][..]].concat();
         assert_eq!(docktwin("the good recording", &words, at).code, Some(0));
@@ -1014,6 +1027,13 @@ fn regress_damaged_recordings() {
     assert!(cases.len() >= 60, "{}", cases.len());
     for (case, bytes, ends) in &cases {
         fs::write(&log, bytes).expect("written");
+        for words in GLEANERS {
+            let _ = fs::remove_file(at.join("left.csv"));
+            attempt(case, || {
+                let said = docktwin(case, words, at);
+                assert!(matches!(said.code, Some(0..=2)), "{case}: {words:?} {:?}", said.code);
+            });
+        }
         for reader in READERS {
             let words = [reader, &["run"][..]].concat();
             if *ends == Ends::Refused {
