@@ -6,6 +6,7 @@
 pub mod attenuator;
 pub mod body;
 pub mod contact;
+pub mod hydraulics;
 pub mod initial;
 pub mod mechanism;
 pub mod outcome;
