@@ -3,8 +3,10 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
+use crate::load_rig::read_rig;
 use crate::load_spacecraft::read_spacecraft;
 use crate::problem::{Findings, Problem};
+use crate::rig_check;
 
 /// What a model file describes, as its TOML says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,6 +14,7 @@ pub(crate) enum Kind {
     Spacecraft,
     MechanismActive,
     MechanismPassive,
+    Rig,
 }
 
 /// The `kind` of a TOML file, if it can be read.
@@ -22,6 +25,7 @@ pub(crate) fn kind_of(toml: &Path) -> Option<Kind> {
         "spacecraft" => Some(Kind::Spacecraft),
         "mechanism_active" => Some(Kind::MechanismActive),
         "mechanism_passive" => Some(Kind::MechanismPassive),
+        "rig" => Some(Kind::Rig),
         _ => None,
     }
 }
@@ -35,6 +39,8 @@ pub struct Report {
     pub read: Vec<String>,
     /// What is there but not used, and why.
     pub ignored: Vec<String>,
+    /// What is used although it looks wrong, and why; the model can still be right.
+    pub flagged: Vec<String>,
     /// What is wrong. Empty: the model is right.
     pub refused: Vec<String>,
 }
@@ -47,9 +53,14 @@ impl Report {
             self.files.iter().map(|f| format!("file    {}", f.display())).collect();
         lines.extend(self.read.iter().map(|l| format!("read    {l}")));
         lines.extend(self.ignored.iter().map(|l| format!("ignored {l}")));
+        lines.extend(self.flagged.iter().map(|l| format!("flagged {l}")));
         lines.extend(self.refused.iter().map(|l| format!("refused {l}")));
+        let flagged = match self.flagged.len() {
+            0 => String::new(),
+            n => format!("{n} flagged, "),
+        };
         lines.push(format!(
-            "{} values read, {} ignored, {} refused",
+            "{} values read, {} ignored, {flagged}{} refused",
             self.read.len(),
             self.ignored.len(),
             self.refused.len()
@@ -68,6 +79,12 @@ pub fn model_check(path: &Path) -> Report {
     match kind_of(&path.with_extension("toml")) {
         Some(Kind::Spacecraft) => {
             read_spacecraft(&urdf, true, &mut out);
+        }
+        Some(Kind::Rig) => {
+            let rig = read_rig(&urdf, &mut out);
+            // What follows from wrong numbers means nothing.
+            let rig = rig.filter(|_| out.problems.is_empty());
+            return report(out, rig.map(|r| rig_check::summary(&r)).unwrap_or_default());
         }
         Some(kind) => {
             let (ours, theirs) = match kind {
@@ -107,7 +124,7 @@ pub fn model_check(path: &Path) -> Report {
             file: path.into(),
             key: "kind".into(),
             what: "the TOML of this name cannot be read or names no known kind".into(),
-            allowed: "spacecraft | mechanism_active | mechanism_passive".into(),
+            allowed: "spacecraft | mechanism_active | mechanism_passive | rig".into(),
             remedy: "put a TOML of the same name beside the URDF with `kind = \"…\"`".into(),
             ..Problem::default()
         }),
@@ -122,6 +139,7 @@ fn report(out: Findings, derived: Vec<String>) -> Report {
         files: out.files.into_iter().map(|f| f.path).collect(),
         read,
         ignored: out.notes.iter().map(ToString::to_string).collect(),
+        flagged: out.flags.iter().map(ToString::to_string).collect(),
         refused: out.problems.iter().map(ToString::to_string).collect(),
     }
 }

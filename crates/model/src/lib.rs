@@ -9,16 +9,20 @@
 
 mod check;
 mod load_mechanism;
+mod load_rig;
 mod load_spacecraft;
 mod mechanism;
 pub mod mesh;
 mod problem;
+mod rig;
+mod rig_check;
 mod spacecraft;
 pub mod toml_check;
 mod urdf;
 
 pub use check::{Report, model_check};
 pub use load_mechanism::{AttenuationChoice, MatedFit, contact_ranges, load_mechanism, mated_fit};
+pub use load_rig::load_rig;
 pub use load_spacecraft::load_spacecraft;
 pub use mechanism::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
@@ -26,6 +30,10 @@ pub use mechanism::{
     PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
+pub use rig::{
+    DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegHydraulics, LegLimits, LegPart,
+    OilVolume, Place, Rig, RigidMass, SealFriction, ServoValve, Spread,
+};
 pub use spacecraft::{Spacecraft, SpacecraftHull};
 
 #[cfg(test)]

@@ -266,6 +266,8 @@ pub fn generate_all(models: &Path) -> Result<BTreeMap<String, String>, MeshError
                     side(&p.name, &p.geometry, &mut files);
                 }
             }
+            // The parts of a rig have no shape in its file.
+            Some(Kind::Rig) => {}
             Some(Kind::Spacecraft) | None => {
                 if let Some((craft, hull)) = read_spacecraft(&urdf, false, &mut out) {
                     files.insert(format!("{}_hull.obj", craft.name), hull_mesh(&hull).to_obj());

@@ -136,6 +136,8 @@ pub struct Loaded<T> {
 pub(crate) struct Findings {
     pub(crate) problems: Vec<Problem>,
     pub(crate) notes: Vec<Note>,
+    /// What is read and used although it looks wrong.
+    pub(crate) flags: Vec<Note>,
     pub(crate) values: Vec<ReadValue>,
     pub(crate) files: Vec<FileDigest>,
 }

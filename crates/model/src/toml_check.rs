@@ -61,7 +61,12 @@ impl fmt::Display for Range {
 #[must_use]
 pub fn unit_of(key: &str) -> &'static str {
     // Longest suffixes first.
-    const UNITS: [(&str, &str); 23] = [
+    const UNITS: [(&str, &str); 31] = [
+        ("_m3_s_pa", "m³/(s·Pa)"),
+        ("_m3_s", "m³/s"),
+        ("_m_s2", "m/s²"),
+        ("_per_s", "1/s"),
+        ("_m3", "m³"),
         ("_nm_over_rad", "N·m over rad"),
         ("_n_over_m", "N over m"),
         ("_nm_s_rad", "N·m·s/rad"),
@@ -81,6 +86,9 @@ pub fn unit_of(key: &str) -> &'static str {
         ("_rad", "rad"),
         ("_mm", "mm"),
         ("_us", "µs"),
+        ("_m2", "m²"),
+        ("_pa", "Pa"),
+        ("_hz", "Hz"),
         ("_j", "J"),
         ("_m", "m"),
         ("_s", "s"),

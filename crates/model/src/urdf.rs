@@ -47,6 +47,19 @@ const NO_LIMIT: Use =
     Ignored("fixed and floating joints have no limits; travel stands in the TOML");
 const NO_DRIVE: Use = Ignored("no joint is driven");
 
+/// Children of a joint that turns about or slides along its axis.
+const MOVING_JOINT: Names = &[
+    ("parent", Once),
+    ("child", Once),
+    ("origin", Optional),
+    ("axis", Once),
+    ("limit", Once),
+    ("dynamics", Ignored("damping and friction stand in the TOML")),
+    ("mimic", NO_DRIVE),
+    ("safety_controller", NO_DRIVE),
+    ("calibration", NO_DRIVE),
+];
+
 /// Names and how each is treated.
 type Names = &'static [(&'static str, Use)];
 
@@ -120,6 +133,8 @@ fn schema(tag: &str) -> (Names, Names) {
             &[("name", Once), ("type", Once)],
         ),
         "parent" | "child" => (&[], &[("link", Once)]),
+        "limit" => (&[], &[("lower", Once), ("upper", Once), ("effort", Once), ("velocity", Once)]),
+        "axis" => (&[], &[("xyz", Once)]),
         "origin" => (&[], &[("xyz", Optional), ("rpy", Optional)]),
         _ => (&[], &[]),
     }
@@ -128,8 +143,8 @@ fn schema(tag: &str) -> (Names, Names) {
 /// How many numbers an attribute holds, for those that hold numbers.
 fn numbers_in(tag: &str, attribute: &str) -> Option<usize> {
     match (tag, attribute) {
-        ("origin", _) | ("mesh", "scale") => Some(3),
-        ("mass" | "inertia", _) => Some(1),
+        ("origin" | "axis", _) | ("mesh", "scale") => Some(3),
+        ("mass" | "inertia" | "limit", _) => Some(1),
         _ => None,
     }
 }
@@ -164,7 +179,10 @@ impl Walk<'_> {
 
     fn element(&mut self, node: Node<'_, '_>) {
         let tag = node.tag_name().name();
-        let (children, attributes) = schema(tag);
+        let (mut children, attributes) = schema(tag);
+        if tag == "joint" && matches!(node.attribute("type"), Some("revolute" | "prismatic")) {
+            children = MOVING_JOINT;
+        }
         self.attributes(node, attributes);
         for text in node.children().filter(Node::is_text) {
             if text.text().is_some_and(|t| !t.trim().is_empty()) {

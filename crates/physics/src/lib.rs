@@ -10,4 +10,5 @@ pub mod hydraulics;
 pub mod initial;
 pub mod mechanism;
 pub mod outcome;
+pub mod platform;
 pub mod reduced;

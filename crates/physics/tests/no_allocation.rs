@@ -94,3 +94,34 @@ fn invariant_a_step_of_the_reduced_twin_never_allocates() {
     assert_ne!(begin, kept);
     assert_eq!(n, 0, "requests for memory in 150 000 steps");
 }
+
+#[test]
+fn invariant_the_platform_never_allocates() {
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf/stewart.urdf");
+    let rig = docktwin_model::load_rig(&path).unwrap_or_else(|e| panic!("{e}")).model;
+    let maps = docktwin_physics::platform::maps::Maps::new(&rig);
+    let platform = maps.platform().clone();
+    let x = rig.plate_from_docking(&rig.docking.pose([0.5; 6]));
+    let still = docktwin_core::Twist::default();
+    let mut sum = 0.0;
+    let asked = requests(|| {
+        let c = platform.at(&x);
+        let found = platform.forward(&c.length_m, &platform.middle()).expect("found");
+        let forces =
+            platform.inverse_dynamics(&c, &still, &still, &Wrench::ZERO).expect("not singular");
+        let a = platform.forward_dynamics(&c, &still, &forces, &Wrench::ZERO).expect("definite");
+        let masses = platform.effective_masses_kg(&c).expect("not singular");
+        let map = maps.frequencies(2.76e7, &[0.0; 6]).expect("not singular");
+        let payload = maps.capability().expect("not singular").payload_at_rest_kg.0;
+        sum = found.x_bp.p.x
+            + a.v.x
+            + masses[0]
+            + platform.singularity(&c)
+            + map.middle.frequency_hz[0]
+            + maps.workspace().stroke_m
+            + payload;
+    });
+    assert!(sum.is_finite());
+    assert_eq!(asked, 0, "requests for memory");
+}

@@ -1,0 +1,404 @@
+use core::f64::consts::TAU;
+use core::fmt;
+
+use docktwin_core::{DMat3, DVec3, Digest, Euler, Pose};
+
+/// The motion simulator: a Stewart platform whose plate carries the passive mechanism, and a fixed
+/// rack that carries the active one.
+///
+/// | frame | place |
+/// | --- | --- |
+/// | `eb` | ground of the rig; the base joints stand in it |
+/// | `e0` | fixed rack |
+/// | `e3`, `e4` | mounting planes of the active mechanism (on the rack) and of the passive one (on the plate) |
+/// | `ep` | moving plate; the plate joints stand in it |
+///
+/// The plate is placed so that the mechanisms see the simulated relative pose:
+/// `X_0p = X_03 · X_34 · X_4p`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rig {
+    /// Robot name of the URDF.
+    pub name: String,
+    /// Rack in the ground, `X_b0`.
+    pub x_b0: Pose,
+    /// Mounting plane of the active mechanism in the rack, `X_03`.
+    pub x_03: Pose,
+    /// Plate in the mounting plane of the passive mechanism, `X_4p`.
+    pub x_4p: Pose,
+    /// Gravity in `eb`, m/s².
+    pub gravity_m_s2: DVec3,
+    /// Everything that moves with the plate, what it carries included; seen from `ep`.
+    pub plate: RigidMass,
+    /// Part of [`Rig::plate`] beyond the plate's sensor, seen from `ep`: what that sensor weighs.
+    pub passive_payload: Option<RigidMass>,
+    /// What the sensor on the rack carries, seen from `e0`.
+    pub active_payload: Option<RigidMass>,
+    /// The legs.
+    pub legs: [Leg; 6],
+    /// Where the mechanisms may have to go.
+    pub docking: DockingWorkspace,
+    /// What a leg can.
+    pub limits: LegLimits,
+    /// Oil and cylinder.
+    pub hydraulics: Hydraulics,
+    /// Servo valve.
+    pub valve: ServoValve,
+    /// Friction of a leg's seals.
+    pub friction: SealFriction,
+    /// How far an emulated rig may differ from this file.
+    pub spread: Spread,
+    /// Digest of the URDF and its TOML.
+    pub digest: Digest,
+}
+
+/// A rigid body seen from a stated frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidMass {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Mass centre, m.
+    pub com_m: DVec3,
+    /// Inertia about the mass centre, kg·m².
+    pub inertia_kg_m2: DMat3,
+}
+
+/// One leg: a cross link and a cylinder on a universal joint at the base, a rod sliding in the
+/// cylinder, a spherical joint at the plate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// Leg frame in `eb` with the plate in the middle: origin at the base joint, +X to the plate
+    /// joint, +Z the first axis of the universal joint (fixed to the ground), +Y its second (fixed
+    /// to the cylinder). Away from the middle the leg points along `Rz(q1) Ry(q2) X` of this frame.
+    pub x_b_leg: Pose,
+    /// Plate joint in `ep`, m.
+    pub plate_joint_m: DVec3,
+    /// Length from joint to joint with the plate in the middle, m.
+    pub middle_length_m: f64,
+    /// Shortest length, m.
+    pub shortest_m: f64,
+    /// Longest length, m.
+    pub longest_m: f64,
+    /// Largest angle of either axis of the universal joint from the middle, rad.
+    pub swing_limit_rad: f64,
+    /// Largest angle between the leg and its direction in the plate at the middle, rad.
+    pub ball_limit_rad: f64,
+    /// Mass of the cross link, kg; its mass centre is the base joint.
+    pub cross_mass_kg: f64,
+    /// Inertia of the cross link about the base joint in leg axes, kg·m².
+    pub cross_inertia_kg_m2: DMat3,
+    /// The cylinder; `com_m` from the base joint towards the plate.
+    pub cylinder: LegPart,
+    /// The rod; `com_m` from the plate joint towards the base.
+    pub rod: LegPart,
+}
+
+/// A part of a leg whose mass centre lies on the leg's axis and which is symmetric about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegPart {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Distance of the mass centre from the part's own joint, m.
+    pub com_m: f64,
+    /// Inertia about the leg's axis, kg·m².
+    pub axial_kg_m2: f64,
+    /// Inertia about the mass centre across the axis, kg·m².
+    pub transverse_kg_m2: f64,
+}
+
+impl Leg {
+    /// Base joint in `eb`, m.
+    #[must_use]
+    pub fn base_joint_m(&self) -> DVec3 {
+        self.x_b_leg.p
+    }
+
+    /// First axis of the universal joint, fixed in `eb`; unit vector.
+    #[must_use]
+    pub fn swing_axis(&self) -> DVec3 {
+        self.x_b_leg.q * DVec3::Z
+    }
+
+    /// From the base joint to the plate joint, in `eb`, m.
+    #[must_use]
+    pub fn vector(&self, x_bp: &Pose) -> DVec3 {
+        x_bp.transform_point(self.plate_joint_m) - self.x_b_leg.p
+    }
+
+    /// Angles `[q1, q2]` of the universal joint for a leg vector in `eb`, rad.
+    #[must_use]
+    pub fn universal_angles(&self, vector_m: DVec3) -> [f64; 2] {
+        let u = self.x_b_leg.q.conjugate() * vector_m.normalize();
+        [u.y.atan2(u.x), -u.z.clamp(-1.0, 1.0).asin()]
+    }
+
+    /// Angle between the leg and its middle direction, seen from the plate, rad.
+    #[must_use]
+    pub fn ball_angle(&self, x_bp: &Pose, x_bp_middle: &Pose, vector_m: DVec3) -> f64 {
+        let now = x_bp.q.conjugate() * vector_m;
+        let then = x_bp_middle.q.conjugate() * (self.x_b_leg.q * DVec3::X);
+        now.angle_between(then)
+    }
+}
+
+impl Rig {
+    /// Pose of the plate in the ground, `X_bp`, that shows the mechanisms the relative pose `X_34`.
+    #[must_use]
+    pub fn plate_from_docking(&self, x_34: &Pose) -> Pose {
+        self.x_b0 * self.x_03 * *x_34 * self.x_4p
+    }
+
+    /// Relative pose `X_34` that the mechanisms see with the plate at `X_bp`.
+    #[must_use]
+    pub fn docking_from_plate(&self, x_bp: &Pose) -> Pose {
+        (self.x_b0 * self.x_03).inverse() * *x_bp * self.x_4p.inverse()
+    }
+
+    /// Plate in the middle of the docking workspace, `X_bp`.
+    #[must_use]
+    pub fn middle(&self) -> Pose {
+        self.plate_from_docking(&self.docking.pose([0.0; 6]))
+    }
+
+    /// The oil of a leg with the volumes of a preset.
+    #[must_use]
+    pub fn leg_hydraulics(&self, preset: HydraulicPreset) -> LegHydraulics {
+        let h = &self.hydraulics;
+        let v = match preset {
+            HydraulicPreset::Printed => h.printed,
+            HydraulicPreset::Consistent => h.consistent,
+            HydraulicPreset::Stiff => h.stiff,
+        };
+        LegHydraulics {
+            area_m2: h.area_m2,
+            total_volume_m3: v.total_volume_m3,
+            bulk_modulus_pa: h.bulk_modulus_pa,
+            leakage_m3_s_pa: v.leakage_m3_s_pa,
+            viscous_n_s_m: h.viscous_n_s_m,
+        }
+    }
+}
+
+/// The box of relative poses `X_34` that docking needs, about its middle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DockingWorkspace {
+    /// `p_34` in the middle, in `e3`, m; the attitude of the middle is `R_34 = I`.
+    pub middle_m: DVec3,
+    /// Half-width along X3, m.
+    pub axial_m: f64,
+    /// Half-width along Y3 and along Z3, m.
+    pub lateral_m: f64,
+    /// Half-width in roll, rad.
+    pub roll_rad: f64,
+    /// Half-width in pitch and in yaw, rad.
+    pub pitch_yaw_rad: f64,
+}
+
+impl DockingWorkspace {
+    /// Relative pose at a place of the box: X, Y, Z, roll, pitch, yaw, each in [−1, 1]. The attitude
+    /// turns about the origin of `e4`.
+    #[must_use]
+    pub fn pose(&self, place: [f64; 6]) -> Pose {
+        let [x, y, z, roll, pitch, yaw] = place;
+        let euler = Euler {
+            roll: roll * self.roll_rad,
+            pitch: pitch * self.pitch_yaw_rad,
+            yaw: yaw * self.pitch_yaw_rad,
+        };
+        let offset = DVec3::new(x * self.axial_m, y * self.lateral_m, z * self.lateral_m);
+        Pose::new(self.middle_m + offset, euler.to_quat())
+    }
+
+    /// The 64 corners.
+    pub fn corners() -> impl Iterator<Item = Place> {
+        (0..64_u32)
+            .map(|n| Place(core::array::from_fn(|i| if n >> i & 1 == 1 { 1.0 } else { -1.0 })))
+    }
+
+    /// The middle, the corners, and the middles of all edges and faces: 729 places.
+    pub fn grid() -> impl Iterator<Item = Place> {
+        (0..729_u32)
+            .map(|n| Place(core::array::from_fn(|i| f64::from(n / 3_u32.pow(i as u32) % 3) - 1.0)))
+    }
+}
+
+/// A place in the docking workspace: X, Y, Z, roll, pitch, yaw, each from −1 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place(pub [f64; 6]);
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.iter().all(|x| x.abs() < 1e-12) {
+            return write!(f, "middle");
+        }
+        let names = ["X", "Y", "Z", "roll", "pitch", "yaw"];
+        for (i, (name, at)) in names.iter().zip(self.0).enumerate() {
+            let gap = if i == 0 { "" } else { " " };
+            let sign = if at > 0.0 {
+                "+"
+            } else if at < 0.0 {
+                "−"
+            } else {
+                "0"
+            };
+            write!(f, "{gap}{name}{sign}")?;
+            if at.abs() < 1.0 && at.abs() > 0.0 {
+                write!(f, "{:.2}", at.abs())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Limits of every leg; strokes stand in each [`Leg`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegLimits {
+    /// Largest speed of a rod, m/s.
+    pub speed_m_s: f64,
+    /// Largest force of a rod, N, pulling or pushing.
+    pub force_n: f64,
+    /// What a retracted leg is longer than its stroke, at least, m: piston, glands, joints.
+    pub dead_length_m: f64,
+    /// Radius of the thickest part of a leg, m.
+    pub radius_m: f64,
+    /// Error of a leg's length as known to the rig, m: length sensor, joints, calibration; bound.
+    pub length_error_m: f64,
+}
+
+/// Cylinder and oil, (10) and Table 1, with three choices of volume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hydraulics {
+    /// Effective piston area A, m², both sides alike.
+    pub area_m2: f64,
+    /// Bulk modulus β_e of the oil, Pa.
+    pub bulk_modulus_pa: f64,
+    /// Viscous friction B_c, N·s/m.
+    pub viscous_n_s_m: f64,
+    /// Oil that no piston position expels, both chambers and lines to the valve together, m³.
+    pub dead_volume_m3: f64,
+    /// Table 1 as printed.
+    pub printed: OilVolume,
+    /// The volume that fits the stroke.
+    pub consistent: OilVolume,
+    /// A tenth of the printed volume, with a bypass leak.
+    pub stiff: OilVolume,
+    /// The preset that is meant when none is named.
+    pub default_preset: HydraulicPreset,
+}
+
+/// What a preset of the hydraulics changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OilVolume {
+    /// Total volume V_t, m³, as (10) uses it: `K_h = 4 β_e A² / V_t`.
+    pub total_volume_m3: f64,
+    /// Total flow–pressure coefficient K_ce, m³/(s·Pa).
+    pub leakage_m3_s_pa: f64,
+}
+
+/// Names of the three choices of volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum HydraulicPreset {
+    /// Table 1 as printed.
+    Printed,
+    /// The volume that fits the stroke.
+    Consistent,
+    /// A tenth of the printed volume, with a bypass leak.
+    Stiff,
+}
+
+impl HydraulicPreset {
+    /// Words by which files and commands name the presets.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("printed", Self::Printed), ("consistent", Self::Consistent), ("stiff", Self::Stiff)];
+
+    /// The word of this preset.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Printed => "printed",
+            Self::Consistent => "consistent",
+            Self::Stiff => "stiff",
+        }
+    }
+}
+
+/// Oil and cylinder of one leg.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegHydraulics {
+    /// Effective piston area A, m².
+    pub area_m2: f64,
+    /// Total volume V_t, m³.
+    pub total_volume_m3: f64,
+    /// Bulk modulus β_e, Pa.
+    pub bulk_modulus_pa: f64,
+    /// Total flow–pressure coefficient K_ce, m³/(s·Pa).
+    pub leakage_m3_s_pa: f64,
+    /// Viscous friction B_c, N·s/m.
+    pub viscous_n_s_m: f64,
+}
+
+impl LegHydraulics {
+    /// Oil spring `K_h = 4 β_e A² / V_t`, N/m.
+    #[must_use]
+    pub fn oil_spring_n_m(&self) -> f64 {
+        4.0 * self.bulk_modulus_pa * self.area_m2 * self.area_m2 / self.total_volume_m3
+    }
+
+    /// Hydraulic natural frequency with a mass on one leg, Hz.
+    #[must_use]
+    pub fn natural_frequency_hz(&self, mass_kg: f64) -> f64 {
+        (self.oil_spring_n_m() / mass_kg).sqrt() / TAU
+    }
+}
+
+/// Servo valve and supply of one leg.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoValve {
+    /// Natural frequency of the spool, Hz.
+    pub natural_frequency_hz: f64,
+    /// Damping ratio of the spool.
+    pub damping_ratio: f64,
+    /// No-load flow at full spool, m³/s.
+    pub no_load_flow_m3_s: f64,
+    /// Fastest spool motion, full strokes per second.
+    pub slew_per_s: f64,
+    /// Spool position at zero command, as a part of full stroke.
+    pub null_bias: f64,
+    /// Supply over return pressure, Pa.
+    pub supply_pressure_pa: f64,
+    /// From a command to the valve, s.
+    pub dead_time_s: f64,
+}
+
+/// Bristle friction of a leg's seals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SealFriction {
+    /// Coulomb friction, N.
+    pub coulomb_n: f64,
+    /// Static friction, N.
+    pub static_n: f64,
+    /// Stribeck velocity, m/s.
+    pub stribeck_velocity_m_s: f64,
+    /// Bristle stiffness, N/m.
+    pub bristle_n_m: f64,
+    /// Bristle damping, N·s/m.
+    pub bristle_damping_n_s_m: f64,
+}
+
+/// Half-widths by which an emulated rig may be drawn away from its file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Of the flow gain, relative.
+    pub flow_gain: f64,
+    /// Of the null bias, parts of full spool.
+    pub null_bias: f64,
+    /// Of Coulomb and static friction, relative.
+    pub friction: f64,
+    /// Of the bulk modulus, relative.
+    pub bulk_modulus: f64,
+    /// Of the plate's mass and inertia, relative.
+    pub plate_mass: f64,
+    /// Of the valve's natural frequency, relative.
+    pub valve_frequency: f64,
+    /// Of the dead time, s.
+    pub dead_time_s: f64,
+}
