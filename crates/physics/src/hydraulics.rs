@@ -19,119 +19,33 @@
 //! half flow, drift) the step is symplectic when nothing leaks, and of second order when it does.
 
 use docktwin_core::StateHasher;
+use docktwin_model::{HydraulicPreset, LegHydraulics, Rig, SealFriction, ServoValve, Spread};
 use rand_chacha::{
     ChaCha8Rng,
     rand_core::{RngCore, SeedableRng},
 };
 
-/// The servo valve from electrical command to spool.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ServoValve {
-    /// Natural frequency, Hz (80).
-    pub frequency_hz: f64,
-    /// Damping ratio (0.7).
-    pub damping: f64,
-    /// Largest speed of the spool, full strokes (centre to end) per second.
-    pub slew_1_s: f64,
-    /// The spool stands at this fraction of its stroke when the command is zero.
-    pub null_bias: f64,
-}
-
-/// Friction of seals and guides: a bristle that slips (`LuGre`).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SealFriction {
-    /// Sliding friction, N.
-    pub coulomb_n: f64,
-    /// Break-away force, N, at least `coulomb_n`.
-    pub static_n: f64,
-    /// Speed over which break-away falls to sliding friction, m/s.
-    pub stribeck_m_s: f64,
-    /// Stiffness of the bristle, N/m: break-away happens after about `static_n` over this.
-    pub bristle_n_m: f64,
-    /// Damping of the bristle while it sticks, N·s/m.
-    pub bristle_damping_n_s_m: f64,
-}
-
 /// All parameters of one leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegParameters {
-    /// Effective area `A`, m².
-    pub area_m2: f64,
-    /// Compressed volume `V_t` of both chambers, m³.
-    pub volume_m3: f64,
-    /// Bulk modulus of the oil `β_e`, Pa.
-    pub bulk_modulus_pa: f64,
-    /// Viscous friction of the piston `B_c`, N·s/m.
-    pub viscous_n_s_m: f64,
-    /// Flow-pressure coefficient `K_ce` with the spool at its centre, m³/(s·Pa).
-    pub flow_pressure_m3_s_pa: f64,
-    /// Supply pressure `p_s`, Pa.
-    pub supply_pa: f64,
-    /// Flow through the fully open valve without load, `K_q` per full stroke, m³/s.
-    pub no_load_flow_m3_s: f64,
-    /// The valve.
+    /// Cylinder and oil.
+    pub oil: LegHydraulics,
+    /// Servo valve and supply.
     pub valve: ServoValve,
-    /// The seals.
+    /// The seals; no friction at all with a static friction of zero.
     pub friction: SealFriction,
 }
 
-/// The three rigs that are studied: Table 1 as printed, and two that differ in the oil volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Preset {
-    /// `V_t` 0.36 m³, as printed.
-    Printed,
-    /// `V_t` 0.15 m³, which fits a stroke of 2.4 m.
-    Consistent,
-    /// `V_t` 0.036 m³ with a bypass leak of 1e-9 m³/(s·Pa).
-    Stiff,
-}
-
-impl Preset {
-    /// All, softest first.
-    pub const ALL: [Self; 3] = [Self::Printed, Self::Consistent, Self::Stiff];
-
-    /// Name as in rig files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Printed => "printed",
-            Self::Consistent => "consistent",
-            Self::Stiff => "stiff",
-        }
-    }
-}
-
 impl LegParameters {
-    /// Table 1, with the valve, supply and seal friction chosen for it.
+    /// The leg of a rig file, with the oil of a preset.
     #[must_use]
-    pub const fn preset(preset: Preset) -> Self {
-        let (volume_m3, flow_pressure_m3_s_pa) = match preset {
-            Preset::Printed => (0.36, 9e-12),
-            Preset::Consistent => (0.15, 9e-12),
-            Preset::Stiff => (0.036, 1e-9),
-        };
-        Self {
-            area_m2: 0.06,
-            volume_m3,
-            bulk_modulus_pa: 6.9e8,
-            viscous_n_s_m: 20.0,
-            flow_pressure_m3_s_pa,
-            supply_pa: 10e6,
-            no_load_flow_m3_s: 0.042,
-            valve: ServoValve { frequency_hz: 80.0, damping: 0.7, slew_1_s: 50.0, null_bias: 0.0 },
-            friction: SealFriction {
-                coulomb_n: 500.0,
-                static_n: 650.0,
-                stribeck_m_s: 0.01,
-                bristle_n_m: 1e7,
-                bristle_damping_n_s_m: 2e4,
-            },
-        }
+    pub fn of_rig(rig: &Rig, preset: HydraulicPreset) -> Self {
+        Self { oil: rig.leg_hydraulics(preset), valve: rig.valve, friction: rig.friction }
     }
 
     /// The same leg as equation (10) describes it: no seal friction, no null bias.
     #[must_use]
-    pub const fn without_friction(mut self) -> Self {
+    pub const fn ideal(mut self) -> Self {
         self.friction.coulomb_n = 0.0;
         self.friction.static_n = 0.0;
         self.valve.null_bias = 0.0;
@@ -141,25 +55,13 @@ impl LegParameters {
     /// Pressure per volume of oil let in, `4 β_e / V_t`, Pa/m³.
     #[must_use]
     pub const fn pressure_per_volume(&self) -> f64 {
-        4.0 * self.bulk_modulus_pa / self.volume_m3
-    }
-
-    /// Hydraulic stiffness `K_h = 4 β_e A² / V_t`, N/m.
-    #[must_use]
-    pub const fn stiffness_n_m(&self) -> f64 {
-        self.pressure_per_volume() * self.area_m2 * self.area_m2
-    }
-
-    /// Undamped natural frequency with a mass (kg) on the leg, Hz.
-    #[must_use]
-    pub fn natural_frequency_hz(&self, mass_kg: f64) -> f64 {
-        (self.stiffness_n_m() / mass_kg).sqrt() / core::f64::consts::TAU
+        4.0 * self.oil.bulk_modulus_pa / self.oil.total_volume_m3
     }
 
     /// Speed with the valve fully open and no load, m/s.
     #[must_use]
     pub const fn no_load_speed_m_s(&self) -> f64 {
-        self.no_load_flow_m3_s / self.area_m2
+        self.valve.no_load_flow_m3_s / self.oil.area_m2
     }
 
     /// Flow through the valve (m³/s) and how much a rise of pressure takes from it (m³/(s·Pa)).
@@ -169,13 +71,13 @@ impl LegParameters {
     #[must_use]
     pub fn orifice(&self, spool: f64, pressure_pa: f64) -> (f64, f64) {
         let s = spool.signum();
-        let a = 1.0 - s * pressure_pa / self.supply_pa;
+        let a = 1.0 - s * pressure_pa / self.valve.supply_pressure_pa;
         // √a as a / (a² + ε²)^¼, odd and smooth; its derivative times −1/p_s.
         let e2 = a * a + 1e-8;
         let root4 = e2.sqrt().sqrt();
-        let flow = self.no_load_flow_m3_s * spool;
+        let flow = self.valve.no_load_flow_m3_s * spool;
         let slope = (1.0 - 0.5 * a * a / e2) / root4;
-        (flow * a / root4, flow * s * slope / self.supply_pa)
+        (flow * a / root4, flow * s * slope / self.valve.supply_pressure_pa)
     }
 }
 
@@ -203,15 +105,18 @@ pub struct LegSpread {
     pub area: f64,
 }
 
-impl Default for LegSpread {
-    fn default() -> Self {
+impl LegSpread {
+    /// What the rig file says, and for what it does not name: damping of leg and valve ± 10 %,
+    /// supply ± 3 %, area ± 0.2 %.
+    #[must_use]
+    pub const fn of_rig(spread: &Spread) -> Self {
         Self {
-            bulk_modulus: 0.10,
+            bulk_modulus: spread.bulk_modulus,
             damping: 0.10,
-            friction: 0.50,
-            flow_gain: 0.05,
-            null_bias: 0.003,
-            valve_frequency: 0.05,
+            friction: spread.friction,
+            flow_gain: spread.flow_gain,
+            null_bias: spread.null_bias,
+            valve_frequency: spread.valve_frequency,
             valve_damping: 0.10,
             supply: 0.03,
             area: 0.002,
@@ -249,19 +154,19 @@ impl LegParameters {
         let mut draws = Draws::new(seed, leg);
         let mut factor = |half_width: f64| 1.0 + half_width * draws.uniform();
         let mut p = *self;
-        p.bulk_modulus_pa *= factor(spread.bulk_modulus);
-        p.flow_pressure_m3_s_pa *= factor(spread.damping);
-        p.viscous_n_s_m *= factor(spread.damping);
+        p.oil.bulk_modulus_pa *= factor(spread.bulk_modulus);
+        p.oil.leakage_m3_s_pa *= factor(spread.damping);
+        p.oil.viscous_n_s_m *= factor(spread.damping);
         let friction = factor(spread.friction);
         p.friction.coulomb_n *= friction;
         p.friction.static_n *= friction;
         p.friction.bristle_n_m *= factor(spread.friction);
-        p.no_load_flow_m3_s *= factor(spread.flow_gain);
+        p.valve.no_load_flow_m3_s *= factor(spread.flow_gain);
         p.valve.null_bias += factor(spread.null_bias) - 1.0;
-        p.valve.frequency_hz *= factor(spread.valve_frequency);
-        p.valve.damping *= factor(spread.valve_damping);
-        p.supply_pa *= factor(spread.supply);
-        p.area_m2 *= factor(spread.area);
+        p.valve.natural_frequency_hz *= factor(spread.valve_frequency);
+        p.valve.damping_ratio *= factor(spread.valve_damping);
+        p.valve.supply_pressure_pa *= factor(spread.supply);
+        p.oil.area_m2 *= factor(spread.area);
         p
     }
 }
@@ -278,8 +183,8 @@ struct ValveStep {
 
 impl ValveStep {
     fn new(valve: &ServoValve, h: f64) -> Self {
-        let w = core::f64::consts::TAU * valve.frequency_hz;
-        let z = valve.damping;
+        let w = core::f64::consts::TAU * valve.natural_frequency_hz;
+        let z = valve.damping_ratio;
         let decay = (-z * w * h).exp();
         // c = cos(ω_d h), s = sin(ω_d h)/ω_d, or their hyperbolic and limiting forms.
         let d2 = w * w * (1.0 - z * z);
@@ -355,10 +260,10 @@ impl Leg {
         let m = &self.valve;
         let mut x = u + m.xx * e + m.xv * v0;
         let mut v = m.vx * e + m.vv * v0;
-        let furthest = p.slew_1_s * self.step_s;
-        if (x - x0).abs() > furthest || v.abs() > p.slew_1_s {
+        let furthest = p.slew_per_s * self.step_s;
+        if (x - x0).abs() > furthest || v.abs() > p.slew_per_s {
             x = x0 + (x - x0).clamp(-furthest, furthest);
-            v = v.clamp(-p.slew_1_s, p.slew_1_s);
+            v = v.clamp(-p.slew_per_s, p.slew_per_s);
         }
         if x.abs() > 1.0 {
             x = x.clamp(-1.0, 1.0);
@@ -371,33 +276,31 @@ impl Leg {
 
     /// The piston has moved by `way_m` (extension positive).
     pub fn compress(&self, s: &mut LegState, way_m: f64) {
-        s.pressure_pa -= self.parameters.pressure_per_volume() * self.parameters.area_m2 * way_m;
+        s.pressure_pa -=
+            self.parameters.pressure_per_volume() * self.parameters.oil.area_m2 * way_m;
     }
 
     /// What passes orifice and leaks during `time_s`, implicit midpoint in the pressure.
     pub fn flow(&self, s: &mut LegState, opening: f64, time_s: f64) {
         let p = &self.parameters;
         let (q, kc) = p.orifice(opening, s.pressure_pa);
-        let kce = p.flow_pressure_m3_s_pa;
+        let kce = p.oil.leakage_m3_s_pa;
         let c = p.pressure_per_volume() * time_s;
         s.pressure_pa += c * (q - kce * s.pressure_pa) / (1.0 + 0.5 * c * (kce + kc));
     }
 
     /// The bristle follows the rod at speed `v` (m/s) for `time_s`.
     pub fn slide(&self, s: &mut LegState, v: f64, time_s: f64) {
-        let f = &self.parameters.friction;
-        if f.static_n > 0.0 {
-            // z' = v − σ|v|/g(v) z, implicit in z: bounded for any step.
-            let rate = f.bristle_n_m * v.abs() / f.level(v);
-            s.bristle_m = (s.bristle_m + time_s * v) / (1.0 + time_s * rate);
-        }
+        s.bristle_m = bristle_after(&self.parameters.friction, s.bristle_m, v, time_s);
     }
 
     /// Force of the rod on what it carries, N, at speed `v` (m/s).
     #[must_use]
     pub fn force(&self, s: &LegState, v: f64) -> f64 {
         let p = &self.parameters;
-        p.area_m2 * s.pressure_pa - p.viscous_n_s_m * v - p.friction.force(s.bristle_m, v)
+        p.oil.area_m2 * s.pressure_pa
+            - p.oil.viscous_n_s_m * v
+            - friction_n(&p.friction, s.bristle_m, v)
     }
 
     /// Energy stored in the oil and in the bristle, J.
@@ -405,31 +308,36 @@ impl Leg {
     pub fn stored_j(&self, s: &LegState) -> f64 {
         let p = &self.parameters;
         0.5 * s.pressure_pa * s.pressure_pa / p.pressure_per_volume()
-            + if p.friction.static_n > 0.0 {
-                0.5 * p.friction.bristle_n_m * s.bristle_m * s.bristle_m
-            } else {
-                0.0
-            }
+            + 0.5 * p.friction.bristle_n_m * s.bristle_m * s.bristle_m
     }
 }
 
-impl SealFriction {
-    /// Sliding friction at speed `v` (m/s) with the Stribeck effect, N.
-    #[must_use]
-    pub fn level(&self, v: f64) -> f64 {
-        let r = v / self.stribeck_m_s;
-        self.coulomb_n + (self.static_n - self.coulomb_n) * (-r * r).exp()
-    }
+/// Sliding friction at speed `v` (m/s) with the Stribeck effect, N.
+#[must_use]
+pub fn friction_level_n(f: &SealFriction, v: f64) -> f64 {
+    let r = v / f.stribeck_velocity_m_s;
+    f.coulomb_n + (f.static_n - f.coulomb_n) * (-r * r).exp()
+}
 
-    /// Friction, N, against a motion at `v` (m/s) with the bristle at `bristle_m`.
-    #[must_use]
-    pub fn force(&self, bristle_m: f64, v: f64) -> f64 {
-        if self.static_n <= 0.0 {
-            return 0.0;
-        }
-        let rate = v - self.bristle_n_m * v.abs() / self.level(v) * bristle_m;
-        self.bristle_n_m * bristle_m + self.bristle_damping_n_s_m * rate
+/// Deflection of the bristle (m) after `time_s` at speed `v` (m/s): `z' = v − σ|v|/g(v) z`, implicit
+/// in `z`, so that it is bounded for any step.
+#[must_use]
+pub fn bristle_after(f: &SealFriction, bristle_m: f64, v: f64, time_s: f64) -> f64 {
+    if f.static_n <= 0.0 {
+        return 0.0;
     }
+    let rate = f.bristle_n_m * v.abs() / friction_level_n(f, v);
+    (bristle_m + time_s * v) / (1.0 + time_s * rate)
+}
+
+/// Friction, N, against a motion at `v` (m/s) with the bristle at `bristle_m`.
+#[must_use]
+pub fn friction_n(f: &SealFriction, bristle_m: f64, v: f64) -> f64 {
+    if f.static_n <= 0.0 {
+        return 0.0;
+    }
+    let rate = v - f.bristle_n_m * v.abs() / friction_level_n(f, v) * bristle_m;
+    f.bristle_n_m * bristle_m + f.bristle_damping_n_s_m * rate
 }
 
 /// A leg that pushes one mass against a spring: the rig of the paper's single-DOF studies.

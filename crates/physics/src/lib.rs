@@ -12,3 +12,4 @@ pub mod mechanism;
 pub mod outcome;
 pub mod platform;
 pub mod reduced;
+pub mod rig;
