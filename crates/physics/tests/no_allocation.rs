@@ -1,4 +1,4 @@
-//! The reduced twin is on the loop's path: once built, it never asks for memory.
+//! The reduced twin and the rig are on the loop's path: once built, they never ask for memory.
 mod common;
 use std::{
     alloc::{GlobalAlloc, Layout, System as Heap},
@@ -124,4 +124,26 @@ fn invariant_the_platform_never_allocates() {
     });
     assert!(sum.is_finite());
     assert_eq!(asked, 0, "requests for memory");
+}
+
+#[test]
+fn invariant_a_tick_of_the_rig_never_allocates() {
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf/stewart.urdf");
+    let rig = docktwin_model::load_rig(&path).expect("the rig of the repository loads").model;
+    let preset = docktwin_model::HydraulicPreset::Printed;
+    let setup = docktwin_control::rig::RigSetup::of_rig(&rig, preset, Some(1));
+    let forward = setup.feedforward();
+    let middle = rig.middle();
+    let mut closed = docktwin_control::rig::ClosedRig::new(&setup, &middle).expect("it stands");
+    let mut motion = docktwin_control::feedforward::PlateMotion::rest(middle);
+    let n = requests(|| {
+        for i in 0..500 {
+            motion.x_bp.p.y = middle.p.y + 1e-3 * (0.01 * f64::from(i)).sin();
+            let command = forward.command(&motion).expect("it can be commanded");
+            closed.tick(&command, |_, _| Wrench::ZERO).expect("it runs");
+            std::hint::black_box((closed.measure(), closed.digest()));
+        }
+    });
+    assert_eq!(n, 0, "requests for memory in 500 ticks");
 }

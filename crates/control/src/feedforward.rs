@@ -1,0 +1,210 @@
+//! From a wanted motion of the plate to what every leg is to do: `G_prefilter` of (9).
+//!
+//! Inverse dynamics with the mass matrix of the current pose give the force every leg must push with;
+//! its rate of change over `K_h` is what the oil takes up, its size times `K_ce/A²` what leaks.
+//!
+//! Every path has its own time. Length and force are compared with what is measured in the same
+//! sample, so they belong to the moment of arrival; flow passes the valve late, so it is asked for
+//! ahead by [`LegTuning::valve_delay_s`].
+
+use docktwin_core::{Pose, Twist, Wrench};
+use docktwin_physics::{
+    hydraulics::LegParameters,
+    platform::{Configuration, Platform},
+};
+
+use crate::leg::LegTuning;
+
+/// Half of the span over which the rate of leg forces is taken, s.
+const FORCE_RATE_SPAN: f64 = 5e-4;
+
+/// A motion of the plate at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlateMotion {
+    /// Plate in the ground, `X_bp`.
+    pub x_bp: Pose,
+    /// Velocity of the origin of `ep`, and angular velocity, in `eb`.
+    pub twist: Twist,
+    /// Time derivative of the twist.
+    pub acceleration: Twist,
+    /// Time derivative of the acceleration. Zero costs phase near the oil's natural frequency.
+    pub jerk: Twist,
+    /// Wrench expected on the plate from outside, about the origin of `ep`, in `eb`: contact, as twin
+    /// or sensor know it.
+    pub external: Wrench,
+    /// Its rate, N/s and N·m/s.
+    pub external_rate: Wrench,
+}
+
+fn combine(terms: &[(Twist, f64)]) -> Twist {
+    terms
+        .iter()
+        .fold(Twist::default(), |sum, (t, by)| Twist { v: sum.v + t.v * *by, w: sum.w + t.w * *by })
+}
+
+impl PlateMotion {
+    /// At rest.
+    #[must_use]
+    pub fn rest(x_bp: Pose) -> Self {
+        Self { x_bp, ..Self::default() }
+    }
+
+    /// The motion of the plate that shows the mechanisms a relative motion: pose `X_34`, twist, its
+    /// rate and the rate of that, of `e4` against `e3` in axes of `e3`.
+    ///
+    /// Products of angular velocities in the jerk are left out: 0.1 rad/s and 1 rad/s² make 0.1 m/s³.
+    #[must_use]
+    pub fn of_docking(platform: &Platform, x_34: &Pose, rates_34: &[Twist; 3]) -> Self {
+        let [twist, rate, jerk] = rates_34;
+        Self {
+            x_bp: platform.plate_from_docking(x_34),
+            twist: platform.plate_twist(x_34, twist),
+            acceleration: platform.plate_acceleration(x_34, twist, rate),
+            jerk: platform.plate_twist(x_34, jerk),
+            ..Self::default()
+        }
+    }
+
+    /// The motion `time_s` later, with constant jerk; good for a few milliseconds.
+    #[must_use]
+    pub fn ahead(&self, time_s: f64) -> Self {
+        let t = time_s;
+        let way = combine(&[
+            (self.twist, t),
+            (self.acceleration, t * t / 2.0),
+            (self.jerk, t * t * t / 6.0),
+        ]);
+        Self {
+            x_bp: Platform::moved(&self.x_bp, &way, 1.0),
+            twist: combine(&[(self.twist, 1.0), (self.acceleration, t), (self.jerk, t * t / 2.0)]),
+            acceleration: combine(&[(self.acceleration, 1.0), (self.jerk, t)]),
+            jerk: self.jerk,
+            external: Wrench {
+                f: self.external.f + self.external_rate.f * t,
+                m: self.external.m + self.external_rate.m * t,
+            },
+            external_rate: self.external_rate,
+        }
+    }
+}
+
+/// What one leg is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LegCommand {
+    /// Length from joint to joint, m.
+    pub length_m: f64,
+    /// Its rate, m/s.
+    pub speed_m_s: f64,
+    /// Flow as speed, m/s, ahead by the valve's delay: rate of length, oil taken up, leakage.
+    pub flow_speed_m_s: f64,
+    /// Force between rod and plate, N, pushing positive.
+    pub force_n: f64,
+}
+
+/// What the rig is asked for in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RigCommand {
+    /// The legs.
+    pub legs: [LegCommand; 6],
+    /// The pose they come from, `X_bp`.
+    pub x_bp: Pose,
+    /// Its twist.
+    pub twist: Twist,
+}
+
+/// Why a motion cannot be commanded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MotionError {
+    /// Singular pose.
+    #[error("the plate cannot be held in this pose: it is singular; keep to the workspace")]
+    Singular,
+    /// A number is not finite.
+    #[error("the motion holds a number that is not finite: stop the trajectory at its source")]
+    NotFinite,
+}
+
+/// The feed-forward of one rig, as the loop believes it to be.
+#[derive(Clone, Debug)]
+pub struct Feedforward {
+    platform: Platform,
+    legs: [LegParameters; 6],
+    valve_delay_s: [f64; 6],
+}
+
+impl Feedforward {
+    /// For a platform and legs as they are believed to be, and the tuning of the inner loops.
+    #[must_use]
+    pub fn new(platform: Platform, legs: [LegParameters; 6], tuning: &LegTuning) -> Self {
+        let valve_delay_s = legs.map(|l| tuning.valve_delay_s(&l));
+        Self { platform, legs, valve_delay_s }
+    }
+
+    /// The platform it believes in.
+    #[must_use]
+    pub const fn platform(&self) -> &Platform {
+        &self.platform
+    }
+
+    /// How much earlier than length and force the flow is wanted, s: mean of the legs.
+    #[must_use]
+    pub fn valve_delay_s(&self) -> f64 {
+        self.valve_delay_s.iter().sum::<f64>() / 6.0
+    }
+
+    /// Force that every leg's oil must push with, N, friction apart.
+    fn forces(&self, c: &Configuration, m: &PlateMotion) -> Result<[f64; 6], MotionError> {
+        let mut f = self
+            .platform
+            .inverse_dynamics(c, &m.twist, &m.acceleration, &m.external)
+            .ok_or(MotionError::Singular)?;
+        for ((f, rate), leg) in f.iter_mut().zip(c.rates(&m.twist)).zip(&self.legs) {
+            *f += leg.oil.viscous_n_s_m * rate;
+        }
+        Ok(f)
+    }
+
+    /// Commands for a motion known at the moment of arrival; the valve's time is reached by
+    /// [`PlateMotion::ahead`].
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub fn command(&self, motion: &PlateMotion) -> Result<RigCommand, MotionError> {
+        self.command_at(motion, &motion.ahead(self.valve_delay_s()))
+    }
+
+    /// Commands for a motion known at the moment of arrival and, from a predictor, later by
+    /// [`Feedforward::valve_delay_s`].
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub fn command_at(
+        &self,
+        arrival: &PlateMotion,
+        valve: &PlateMotion,
+    ) -> Result<RigCommand, MotionError> {
+        let at = self.platform.at(&arrival.x_bp);
+        let force = self.forces(&at, arrival)?;
+        let rates = at.rates(&arrival.twist);
+        let (before, after) = (valve.ahead(-FORCE_RATE_SPAN), valve.ahead(FORCE_RATE_SPAN));
+        let f0 = self.forces(&self.platform.at(&before.x_bp), &before)?;
+        let f1 = self.forces(&self.platform.at(&after.x_bp), &after)?;
+        let flow = self.platform.at(&valve.x_bp).rates(&valve.twist);
+        let mut out =
+            RigCommand { legs: Default::default(), x_bp: arrival.x_bp, twist: arrival.twist };
+        for (i, leg) in self.legs.iter().enumerate() {
+            let area2 = leg.oil.area_m2 * leg.oil.area_m2;
+            let taken_up = (f1[i] - f0[i]) / (2.0 * FORCE_RATE_SPAN * leg.oil.oil_spring_n_m());
+            let leaked = 0.5 * (f0[i] + f1[i]) * leg.oil.leakage_m3_s_pa / area2;
+            out.legs[i] = LegCommand {
+                length_m: at.length_m[i],
+                speed_m_s: rates[i],
+                flow_speed_m_s: flow[i] + taken_up + leaked,
+                force_n: force[i],
+            };
+        }
+        let finite = out.legs.iter().all(|l| {
+            l.length_m.is_finite() && l.flow_speed_m_s.is_finite() && l.force_n.is_finite()
+        });
+        if finite { Ok(out) } else { Err(MotionError::NotFinite) }
+    }
+}

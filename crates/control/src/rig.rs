@@ -1,0 +1,273 @@
+//! The rig with its controllers, tick by tick: what stands at the other end of the loop.
+//!
+//! Commands come once a tick and take effect after the dead time of the command path. Between
+//! commands the inner loops go on along the newest one: length with its speed and acceleration, flow
+//! and force with the rate between the last two commands.
+
+use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_model::{HydraulicPreset, Rig};
+use docktwin_physics::{
+    hydraulics::LegParameters,
+    platform::Platform,
+    rig::{PerturbedRig, ReducedRig, RigFault, RigState},
+};
+
+use crate::{
+    feedforward::{Feedforward, LegCommand, RigCommand},
+    leg::{LegController, LegMeasurement, LegTarget, LegTuning},
+};
+
+/// Time of a tick, s.
+pub const TICK_S: f64 = 1e-3;
+/// Steps of the plant in a tick: 0.125 ms, an eighth of the period of the fastest mode's radian.
+const PLANT_STEPS: u32 = 8;
+/// Commands that are on the way or in use; dead times up to this many ticks less two.
+const KEPT: usize = 12;
+
+/// What the rig answers after a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigMeasurement {
+    /// Lengths, m.
+    pub length_m: [f64; 6],
+    /// Their rates, m/s.
+    pub speed_m_s: [f64; 6],
+    /// Force of the oil as pressure sensors know it, N (friction and rod inertia included).
+    pub force_n: [f64; 6],
+    /// Openings of the valves, fraction of stroke.
+    pub spool: [f64; 6],
+    /// Where the plate really is, `X_bp`; a rig of steel does not say this.
+    pub x_bp: Pose,
+    /// How it really moves.
+    pub twist: Twist,
+    /// How it really accelerates: mean of the last step.
+    pub acceleration: Twist,
+}
+
+/// What cannot be built.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum SetupError {
+    /// Inner loop and plant do not fit into a tick.
+    #[error("the inner loop runs at {rate_hz} Hz: set 1000, 2000, 4000 or 8000 Hz")]
+    Rate {
+        /// Asked for.
+        rate_hz: f64,
+    },
+    /// Dead time out of range.
+    #[error("the dead time is {dead_time_s} s: set 0 to 0.010 s")]
+    DeadTime {
+        /// Asked for.
+        dead_time_s: f64,
+    },
+    /// The rig cannot stand where it is to begin.
+    #[error("the rig cannot begin in this pose, it is singular: begin in the docking workspace")]
+    Start,
+}
+
+/// The rig as built, and the rig as its controllers believe it to be.
+#[derive(Clone, Debug)]
+pub struct RigSetup {
+    /// Mass, geometry as built.
+    pub platform: Platform,
+    /// Legs as built.
+    pub legs: [LegParameters; 6],
+    /// From command to controller, s.
+    pub dead_time_s: f64,
+    /// Mass, geometry as believed.
+    pub believed_platform: Platform,
+    /// Legs as believed.
+    pub believed_legs: [LegParameters; 6],
+    /// Tuning of the inner loops.
+    pub tuning: LegTuning,
+}
+
+impl RigSetup {
+    /// The rig of a file with its own tuning; with a seed the rig as built is drawn within the
+    /// file's spread, and the controllers still believe the file.
+    #[must_use]
+    pub fn of_rig(rig: &Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
+        let model = LegParameters::of_rig(rig, preset);
+        let (built, legs) = match seed {
+            Some(seed) => {
+                let drawn = PerturbedRig::draw(rig, preset, seed);
+                (drawn.rig, drawn.legs)
+            }
+            None => (rig.clone(), [model; 6]),
+        };
+        Self {
+            platform: Platform::new(&built),
+            legs,
+            dead_time_s: built.valve.dead_time_s,
+            believed_platform: Platform::new(rig),
+            believed_legs: [model; 6],
+            tuning: LegTuning::preset(preset, &model),
+        }
+    }
+
+    /// The feed-forward that belongs to what is believed.
+    #[must_use]
+    pub fn feedforward(&self) -> Feedforward {
+        Feedforward::new(self.believed_platform.clone(), self.believed_legs, &self.tuning)
+    }
+}
+
+/// Commands on their way.
+#[derive(Clone, Copy, Debug)]
+struct CommandPath {
+    kept: [RigCommand; KEPT],
+    /// Commands taken so far; the command of tick `n` stands at `n % KEPT`.
+    taken: u64,
+    dead_time_s: f64,
+}
+
+impl CommandPath {
+    /// The command in force at `time_s` after the last command was taken, its predecessor, and the
+    /// time since it arrived.
+    fn at(&self, time_s: f64) -> (&RigCommand, &RigCommand, f64) {
+        // Whole ticks that the newest command in force is older than the last one. Rounding must not
+        // make a command that arrives now late.
+        let late = ((self.dead_time_s - time_s) / TICK_S - 1e-9).ceil().max(0.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0 to KEPT − 2"
+        )]
+        let back = late as u64;
+        let newest = self.taken - 1;
+        let place = |n: u64| &self.kept[(n % KEPT as u64) as usize];
+        let n = newest.saturating_sub(back);
+        (place(n), place(n.saturating_sub(1)), time_s + late * TICK_S - self.dead_time_s)
+    }
+}
+
+/// A rig that runs: plant, controllers and command path.
+#[derive(Clone, Debug)]
+pub struct ClosedRig {
+    plant: ReducedRig,
+    controllers: [LegController; 6],
+    valve_delay_s: f64,
+    samples: u32,
+    state: RigState,
+    valves: [f64; 6],
+    path: CommandPath,
+}
+
+impl ClosedRig {
+    /// A rig at rest at `x_bp`, as it is after holding there for long: the oil carries the weight and
+    /// controllers are quiet.
+    ///
+    /// # Errors
+    /// See [`SetupError`].
+    pub fn new(setup: &RigSetup, x_bp: &Pose) -> Result<Self, SetupError> {
+        let rate_hz = setup.tuning.rate_hz;
+        let samples = [1, 2, 4, 8]
+            .into_iter()
+            .find(|n| (rate_hz * TICK_S - f64::from(*n)).abs() < 1e-9)
+            .ok_or(SetupError::Rate { rate_hz })?;
+        let dead_time_s = setup.dead_time_s;
+        if !(0.0..=0.010).contains(&dead_time_s) {
+            return Err(SetupError::DeadTime { dead_time_s });
+        }
+        let plant =
+            ReducedRig::new(setup.platform.clone(), &setup.legs, TICK_S / f64::from(PLANT_STEPS));
+        let state = plant.at_rest(x_bp, &Wrench::ZERO).map_err(|_| SetupError::Start)?;
+        let mut legs = [LegCommand::default(); 6];
+        for (i, leg) in legs.iter_mut().enumerate() {
+            leg.length_m = state.length_m[i];
+            leg.force_n = state.legs[i].pressure_pa * setup.legs[i].oil.area_m2;
+        }
+        let rest = RigCommand { legs, x_bp: *x_bp, twist: Twist::default() };
+        let feedforward = setup.feedforward();
+        Ok(Self {
+            plant,
+            controllers: setup.believed_legs.map(|leg| LegController::new(setup.tuning, leg)),
+            valve_delay_s: feedforward.valve_delay_s(),
+            samples,
+            state,
+            valves: [0.0; 6],
+            path: CommandPath { kept: [rest; KEPT], taken: KEPT as u64, dead_time_s },
+        })
+    }
+
+    /// The plant.
+    #[must_use]
+    pub const fn plant(&self) -> &ReducedRig {
+        &self.plant
+    }
+
+    /// The state of the plant.
+    #[must_use]
+    pub const fn state(&self) -> &RigState {
+        &self.state
+    }
+
+    /// One tick of 1 ms with the command of its beginning. `external` gives the wrench on the plate
+    /// about the origin of `ep`, in `eb`, and is asked in the middle of every step of the plant.
+    ///
+    /// # Errors
+    /// The plant cannot be continued.
+    pub fn tick(
+        &mut self,
+        command: &RigCommand,
+        mut external: impl FnMut(&Pose, &Twist) -> Wrench,
+    ) -> Result<RigMeasurement, RigFault> {
+        self.path.kept[(self.path.taken % KEPT as u64) as usize] = *command;
+        self.path.taken += 1;
+        let steps = PLANT_STEPS / self.samples;
+        let sample_s = TICK_S / f64::from(self.samples);
+        for k in 0..self.samples {
+            let (now, before, since) = self.path.at(f64::from(k) * sample_s);
+            let (lengths, legs) = (&self.state.length_m, &self.state.legs);
+            for (i, (controller, valve)) in
+                self.controllers.iter_mut().zip(&mut self.valves).enumerate()
+            {
+                let (c, b) = (&now.legs[i], &before.legs[i]);
+                let rate = |x: f64, x0: f64| (x - x0) / TICK_S;
+                let acceleration = rate(c.speed_m_s, b.speed_m_s);
+                let target = LegTarget {
+                    length_m: c.length_m + since * (c.speed_m_s + 0.5 * since * acceleration),
+                    flow_speed_m_s: c.flow_speed_m_s
+                        + since * rate(c.flow_speed_m_s, b.flow_speed_m_s),
+                    force_n: c.force_n + since * rate(c.force_n, b.force_n),
+                    speed_m_s: c.speed_m_s + since * acceleration,
+                    speed_ahead_m_s: c.speed_m_s + (since + self.valve_delay_s) * acceleration,
+                };
+                let measured =
+                    LegMeasurement { length_m: lengths[i], pressure_pa: legs[i].pressure_pa };
+                *valve = controller.step(&target, &measured);
+            }
+            for _ in 0..steps {
+                self.plant.step(&mut self.state, &self.valves, &mut external)?;
+            }
+        }
+        Ok(self.measure())
+    }
+
+    /// What sensors and truth say now.
+    #[must_use]
+    pub fn measure(&self) -> RigMeasurement {
+        let s = &self.state;
+        let c = self.plant.platform().at(&s.x_bp);
+        let area = |i: usize| self.controllers[i].model().oil.area_m2;
+        RigMeasurement {
+            length_m: s.length_m,
+            speed_m_s: c.rates(&s.twist),
+            force_n: core::array::from_fn(|i| s.legs[i].pressure_pa * area(i)),
+            spool: s.legs.map(|leg| leg.spool),
+            x_bp: s.x_bp,
+            twist: s.twist,
+            acceleration: s.acceleration,
+        }
+    }
+
+    /// Digest of plant and controllers; commands on their way are inputs and have their own.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut h = StateHasher::new();
+        self.state.hash_into(&mut h);
+        for (c, v) in self.controllers.iter().zip(self.valves) {
+            c.hash_into(&mut h);
+            h.f64(v);
+        }
+        h.finish()
+    }
+}

@@ -1,0 +1,222 @@
+//! The reduced rig: the plate with its six legs as rigid bodies ([`crate::platform`]), moved by six
+//! hydraulic legs ([`crate::hydraulics`]). No constraint solver, no controller.
+//!
+//! A step is the leapfrog of [`crate::hydraulics`] in six degrees of freedom: the plate drifts for
+//! half a step, the oil follows the legs' exact lengths, half of the flow passes the valves, one kick
+//! with all forces, the other half of the flow, the other half of the drift.
+
+use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_model::{HydraulicPreset, Rig};
+
+use crate::{
+    hydraulics::{Draws, Leg, LegParameters, LegSpread, LegState},
+    platform::Platform,
+};
+
+/// Stream of the draws that belong to the whole rig; legs have 0 to 5.
+const RIG_STREAM: u64 = 6;
+
+/// The rig as built: everything that does not change while it moves.
+#[derive(Clone, Debug)]
+pub struct ReducedRig {
+    platform: Platform,
+    legs: [Leg; 6],
+    step_s: f64,
+}
+
+/// What moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigState {
+    /// Plate in the ground, `X_bp`.
+    pub x_bp: Pose,
+    /// Velocity of the origin of `ep` and angular velocity, in `eb`.
+    pub twist: Twist,
+    /// Acceleration of the last step, which foresees the velocity in the middle of the next.
+    pub acceleration: Twist,
+    /// Lengths of the legs, m.
+    pub length_m: [f64; 6],
+    /// Valves, oil and seals.
+    pub legs: [LegState; 6],
+}
+
+impl RigState {
+    /// Adds all bits to a digest.
+    pub fn hash_into(&self, h: &mut StateHasher) {
+        h.vec3(self.x_bp.p);
+        h.quat(self.x_bp.q);
+        for v in [self.twist.v, self.twist.w, self.acceleration.v, self.acceleration.w] {
+            h.vec3(v);
+        }
+        for (length, leg) in self.length_m.iter().zip(&self.legs) {
+            h.f64(*length);
+            leg.hash_into(h);
+        }
+    }
+}
+
+/// The rig left numbers behind that are not finite, or the plate reached a singular pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RigFault;
+
+impl core::fmt::Display for RigFault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(
+            "the rig's state is not finite or the plate is in a singular pose: check commands, \
+             tuning and external wrench",
+        )
+    }
+}
+
+impl core::error::Error for RigFault {}
+
+impl ReducedRig {
+    /// A rig of a platform and six legs, stepped by `step_s` seconds (0.1–0.25 ms).
+    #[must_use]
+    pub fn new(platform: Platform, legs: &[LegParameters; 6], step_s: f64) -> Self {
+        Self { platform, legs: legs.map(|p| Leg::new(p, step_s)), step_s }
+    }
+
+    /// Kinematics and rigid dynamics.
+    #[must_use]
+    pub const fn platform(&self) -> &Platform {
+        &self.platform
+    }
+
+    /// The legs.
+    #[must_use]
+    pub const fn legs(&self) -> &[Leg; 6] {
+        &self.legs
+    }
+
+    /// The step, s.
+    #[must_use]
+    pub const fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// At rest at `x_bp`, valves closed, the oil carrying the weight and `external` (N, N·m on the
+    /// plate about the origin of `ep`, in `eb`).
+    ///
+    /// # Errors
+    /// The pose is singular.
+    pub fn at_rest(&self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault> {
+        let c = self.platform.at(x_bp);
+        let still = Twist::default();
+        let forces =
+            self.platform.inverse_dynamics(&c, &still, &still, external).ok_or(RigFault)?;
+        let mut legs = [LegState::default(); 6];
+        for ((s, leg), f) in legs.iter_mut().zip(&self.legs).zip(forces) {
+            s.pressure_pa = f / leg.parameters().oil.area_m2;
+        }
+        Ok(RigState { x_bp: *x_bp, twist: still, acceleration: still, length_m: c.length_m, legs })
+    }
+
+    fn drift(&self, s: &mut RigState, time_s: f64) -> crate::platform::Configuration {
+        s.x_bp = Platform::moved(&s.x_bp, &s.twist, time_s);
+        let c = self.platform.at(&s.x_bp);
+        for (i, leg) in self.legs.iter().enumerate() {
+            let way = c.length_m[i] - s.length_m[i];
+            leg.compress(&mut s.legs[i], way);
+            leg.slide(&mut s.legs[i], way / time_s, time_s);
+        }
+        s.length_m = c.length_m;
+        c
+    }
+
+    /// One step. `commands` are the valves' (fractions of stroke); `external` gives the wrench on
+    /// the plate about the origin of `ep`, in `eb`, for a pose and twist of the plate: it is asked
+    /// once, in the middle of the step.
+    ///
+    /// # Errors
+    /// The state cannot be continued; it stays as it was at the fault.
+    pub fn step(
+        &self,
+        s: &mut RigState,
+        commands: &[f64; 6],
+        mut external: impl FnMut(&Pose, &Twist) -> Wrench,
+    ) -> Result<(), RigFault> {
+        let h = self.step_s;
+        let half = 0.5 * h;
+        let opening: [f64; 6] =
+            core::array::from_fn(|i| self.legs[i].valve(&mut s.legs[i], commands[i]));
+        let c = self.drift(s, half);
+        // Forces that depend on speed get that of the middle of the step, foreseen.
+        let middle = Twist {
+            v: s.twist.v + s.acceleration.v * half,
+            w: s.twist.w + s.acceleration.w * half,
+        };
+        let rates = c.rates(&middle);
+        let forces: [f64; 6] = core::array::from_fn(|i| {
+            self.legs[i].flow(&mut s.legs[i], opening[i], half);
+            self.legs[i].force(&s.legs[i], rates[i])
+        });
+        let push = external(&s.x_bp, &middle);
+        let a = self.platform.forward_dynamics(&c, &middle, &forces, &push).ok_or(RigFault)?;
+        if !(a.v.is_finite() && a.w.is_finite()) {
+            return Err(RigFault);
+        }
+        s.acceleration = a;
+        s.twist.v += a.v * h;
+        s.twist.w += a.w * h;
+        for ((leg, state), opening) in self.legs.iter().zip(&mut s.legs).zip(opening) {
+            leg.flow(state, opening, half);
+        }
+        self.drift(s, half);
+        Ok(())
+    }
+
+    /// Kinetic energy, weight, oil and bristles, J.
+    #[must_use]
+    pub fn energy_j(&self, s: &RigState) -> f64 {
+        let c = self.platform.at(&s.x_bp);
+        let stored: f64 = self.legs.iter().zip(&s.legs).map(|(leg, s)| leg.stored_j(s)).sum();
+        self.platform.kinetic_energy_j(&c, &s.twist) + self.platform.potential_energy_j(&c) + stored
+    }
+}
+
+/// Another rig of the same make: the same seed gives the same rig.
+#[derive(Clone, Debug)]
+pub struct PerturbedRig {
+    /// The file with mass, inertia and dead time drawn; legs are in `legs`.
+    pub rig: Rig,
+    /// The legs, each with its own draw.
+    pub legs: [LegParameters; 6],
+}
+
+impl PerturbedRig {
+    /// Draws everything within `rig.spread`.
+    #[must_use]
+    pub fn draw(rig: &Rig, preset: HydraulicPreset, seed: u64) -> Self {
+        let mut out = rig.clone();
+        let mut draws = Draws::new(seed, RIG_STREAM);
+        let factor = 1.0 + rig.spread.plate_mass * draws.uniform();
+        out.plate.mass_kg *= factor;
+        out.plate.inertia_kg_m2 *= factor;
+        let late = rig.spread.dead_time_s * draws.uniform();
+        out.valve.dead_time_s = (rig.valve.dead_time_s + late).max(0.0);
+        let spread = LegSpread::of_rig(&rig.spread);
+        let leg = LegParameters::of_rig(&out, preset);
+        let legs = [0, 1, 2, 3, 4, 5].map(|i| leg.perturbed(&spread, seed, i));
+        Self { rig: out, legs }
+    }
+}
+
+/// A spring between the port of the plate and the ground: what a docked mechanism is to the rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PortSpring {
+    /// The port in `ep`, m.
+    pub port_m: DVec3,
+    /// Where the spring has no force, in `eb`, m.
+    pub rest_m: DVec3,
+    /// Stiffness along the axes of `eb`, N/m.
+    pub stiffness_n_m: DVec3,
+}
+
+impl PortSpring {
+    /// Wrench on the plate about the origin of `ep`, in `eb`.
+    #[must_use]
+    pub fn wrench(&self, x_bp: &Pose) -> Wrench {
+        let arm = x_bp.q * self.port_m;
+        Wrench::at(arm, -(x_bp.p + arm - self.rest_m) * self.stiffness_n_m)
+    }
+}
