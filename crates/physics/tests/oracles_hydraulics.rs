@@ -1,5 +1,4 @@
 //! The hydraulic leg against equation (10), and what is not in (10) against closed forms.
-#![expect(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
 use core::f64::consts::TAU;
 
