@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use rerun::external::re_log_encoding::DecoderApp;
+use rerun::external::re_log_encoding::{Decodable as _, DecoderApp, StreamFooter};
 use rerun::external::re_log_types::LogMsg;
 use rerun::log::Chunk;
 
@@ -17,21 +17,23 @@ fn each(path: &Path, mut look: impl FnMut(LogMsg) -> Result<(), String>) -> Resu
     Ok(())
 }
 
-/// Whether a recording is there, readable and closed: a writer that was killed leaves no table of
-/// contents at the end.
+/// Whether a recording is there, readable, and closed: one that was cut or whose writer was killed
+/// has no footer, though rerun would show what there is of it.
 #[must_use]
 pub fn is_whole(path: &Path) -> bool {
-    ends_with_its_footer(path).unwrap_or(false) && each(path, |_| Ok(())).is_ok()
+    has_footer(path) && each(path, |_| Ok(())).is_ok()
 }
 
-/// Whether the last frame of the file is that of its table of contents: 12 bytes, the tag
-/// `RRF2`, the word `FOOT` and a count (`StreamFooter` of re_log_encoding).
-fn ends_with_its_footer(path: &Path) -> std::io::Result<bool> {
-    let mut file = std::fs::File::open(path)?;
-    file.seek(SeekFrom::End(-12))?;
-    let mut end = [0; 8];
-    file.read_exact(&mut end)?;
-    Ok(end == *b"RRF2FOOT")
+fn has_footer(path: &Path) -> bool {
+    let footer = || -> std::io::Result<Vec<u8>> {
+        let mut file = std::fs::File::open(path)?;
+        let size = i64::try_from(StreamFooter::ENCODED_SIZE_BYTES).unwrap_or(i64::MAX);
+        file.seek(SeekFrom::End(-size))?;
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    footer().is_ok_and(|bytes| StreamFooter::from_rrd_bytes(&bytes).is_ok())
 }
 
 /// What a recording (not its blueprint) holds, entity by entity, as text: a row with its time in
