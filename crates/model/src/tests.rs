@@ -604,3 +604,226 @@ fn regress_missing_files_and_missing_attenuation() {
     let e = load_mechanism(&ring("active"), &ring("passive"), choice).expect_err("not described");
     assert!(e.to_string().contains("does not describe it"), "{e}");
 }
+
+#[test]
+fn regress_rigs_load() {
+    for name in ["stewart", "stewart_statics"] {
+        let report = model_check(&models().join(format!("{name}.toml")));
+        assert_eq!(report.refused, [""; 0], "{name}");
+    }
+}
+
+#[test]
+fn oracle_oil_springs_of_the_presets() {
+    let rig = load_rig(&models().join("stewart.urdf")).unwrap_or_else(|e| panic!("{e}")).model;
+    for (preset, k, hz) in [
+        (HydraulicPreset::Printed, 2.76e7, 16.7),
+        (HydraulicPreset::Consistent, 6.62e7, 25.9),
+        (HydraulicPreset::Stiff, 2.76e8, 52.9),
+    ] {
+        let h = rig.leg_hydraulics(preset);
+        assert!((h.oil_spring_n_m() / k - 1.0).abs() < 1e-3, "{}", preset.word());
+        assert!((h.natural_frequency_hz(2500.0) - hz).abs() < 0.05, "{}", preset.word());
+    }
+    assert!((rig.plate.mass_kg - 2500.0).abs() < 1e-9);
+    assert!((rig.plate.com_m - DVec3::new(-0.3, 0.0, 0.0)).length() < 1e-9);
+    let inertia = DMat3::from_diagonal(DVec3::new(2800.0, 1600.0, 1600.0));
+    assert!(rig.plate.inertia_kg_m2.abs_diff_eq(inertia, 1e-6), "{:?}", rig.plate);
+}
+
+/// What `model check` refuses of the default rig with texts replaced, and what it flags.
+fn rig_with(edits: &[(&str, &str, &str)]) -> Report {
+    let dir = tempfile::tempdir().expect("a folder");
+    for ext in ["urdf", "toml"] {
+        let file = format!("stewart.{ext}");
+        let mut text = std::fs::read_to_string(models().join(&file)).expect("model");
+        for (_, from, to) in edits.iter().filter(|(e, _, _)| *e == ext) {
+            assert!(text.contains(from), "{file} has no {from:?}: mend the case");
+            text = text.replacen(from, to, 1);
+        }
+        std::fs::write(dir.path().join(file), text).expect("write");
+    }
+    model_check(&dir.path().join("stewart.toml"))
+}
+
+#[test]
+fn regress_impossible_rigs_are_refused_by_file() {
+    // An edit, and what the refusal must say.
+    type Case<'a> = (&'a [(&'a str, &'a str, &'a str)], &'a [&'a str]);
+    let cases: &[Case<'_>] = &[
+        (
+            &[("toml", "area_m2 = { value = 0.06", "area_m2 = { value = -0.06")],
+            &["hydraulics.area_m2 = -0.06 m²: is out of range"],
+        ),
+        // All problems of both files at once.
+        (
+            &[
+                ("toml", "area_m2 = { value = 0.06", "area_m2 = { value = -0.06"),
+                ("urdf", r#"<mass value="150"/>"#, r#"<mass value="-150"/>"#),
+                ("urdf", r#"<axis xyz="0 1 0"/>"#, r#"<axis xyz="0 -1 0"/>"#),
+            ],
+            &["hydraulics.area_m2", "mass of link `rod_0`", "joint `tilt_0`"],
+        ),
+        (
+            &[("urdf", r#"upper="1.28""#, r#"upper="1.0""#)],
+            &[
+                "stroke of leg 0: does not reach the docking workspace: at X−",
+                "cannot be longer than 5.1822 m, 0.0884 m short; 3 of 729 places checked",
+            ],
+        ),
+        (
+            &[("urdf", r#"lower="-1.12""#, r#"lower="-0.9""#)],
+            &[
+                "stroke of leg 0: does not reach the docking workspace: at X+",
+                "cannot be shorter than 3.2822 m",
+            ],
+        ),
+        (
+            &[("urdf", r#"lower="-1.12" upper="1.28""#, r#"lower="-1.7" upper="1.28""#)],
+            &["stroke of leg 0: does not fit into the retracted leg"],
+        ),
+        (
+            &[("urdf", r#"lower="-0.7""#, r#"lower="-0.1""#)],
+            &["universal joint of leg 0: does not turn far enough"],
+        ),
+        (
+            &[("toml", "ball_limit_deg = { value = 40.0", "ball_limit_deg = { value = 9.0")],
+            &["spherical joint of leg 0", "spherical joint of leg 5"],
+        ),
+        (
+            &[(
+                "toml",
+                "[0.0, 0.0, 0.0], assumed = \"the frame of the rod",
+                "[0.01, 0.0, 0.0], assumed = \"the frame of the rod",
+            )],
+            &["closures.0: does not close", "0.010000 m apart"],
+        ),
+        (
+            &[("urdf", r#"<axis xyz="0 1 0"/>"#, r#"<axis xyz="0 -1 0"/>"#)],
+            &["joint `tilt_0`", "right-handed"],
+        ),
+        (
+            &[("urdf", r#"<axis xyz="1 0 0"/>"#, r#"<axis xyz="0 0 0"/>"#)],
+            &["joint `stroke_0`: has no axis"],
+        ),
+        (
+            &[("urdf", r#"<limit lower="-1.12" upper="1.28" effort="60000" velocity="0.7"/>"#, "")],
+            &["joint `stroke_0`: has no `limit`"],
+        ),
+        (&[("urdf", r#"effort="60000""#, r#"effort="50000""#)], &["has a rod of other limits"]),
+        (
+            &[("urdf", r#"type="prismatic""#, r#"type="fixed""#)],
+            &["joint `stroke_0`: is fixed, but a rod's joint must be prismatic"],
+        ),
+        (
+            &[("urdf", r#"<mass value="150"/>"#, r#"<mass value="-150"/>"#)],
+            &["mass of link `rod_0` = -150 kg"],
+        ),
+        (
+            &[("urdf", r#"<origin xyz="-1.35 0 0""#, r#"<origin xyz="-1.35 0.1 0""#)],
+            &["link `rod_0`: is not symmetric about the leg's axis"],
+        ),
+        (
+            &[("toml", "middle_p_34_m = { value = [0.6", "middle_p_34_m = { value = [0.7")],
+            &["differs from the tree with its joints at zero, where p_34 is [0.600000"],
+        ),
+        (
+            &[("toml", "rod = \"rod_1\"", "rod = \"rod_0\"")],
+            &["name one rod twice", "link `rod_1`"],
+        ),
+        (&[("toml", "plate = \"plate\"", "plate = \"table\"")], &["links.plate", "is not a link"]),
+        (
+            &[("toml", "axial_m = { value = 0.3", "axial_m = { value = 0.6")],
+            &["does not reach the docking workspace", "of 729 places checked"],
+        ),
+    ];
+    for (edits, say) in cases {
+        let refused = rig_with(edits).refused.join("\n");
+        for want in *say {
+            assert!(refused.contains(want), "{edits:?}: {want:?} is not in\n{refused}");
+        }
+    }
+}
+
+#[test]
+fn regress_impossible_rigs_are_refused_by_geometry() {
+    use crate::problem::Findings;
+    use core::f64::consts::FRAC_PI_3;
+
+    let good = load_rig(&models().join("stewart.urdf")).unwrap_or_else(|e| panic!("{e}")).model;
+    let check = |rig: &Rig| {
+        let mut out = Findings::default();
+        crate::rig_check::check(rig, Path::new("a.urdf"), Path::new("a.toml"), &mut out);
+        let lines = out
+            .problems
+            .iter()
+            .map(ToString::to_string)
+            .chain(out.flags.iter().map(|n| format!("flagged {n}")));
+        lines.collect::<Vec<_>>().join("\n")
+    };
+    let says = |rig: &Rig, wants: &[&str]| {
+        let got = check(rig);
+        for want in wants {
+            assert!(got.contains(want), "{want:?} is not in\n{got}");
+        }
+    };
+    // Default: nothing but the two volumes that do not belong to the stroke.
+    let flags = check(&good);
+    assert_eq!(flags.lines().count(), 2, "{flags}");
+    says(
+        &good,
+        &["flagged hydraulics.printed", "5.90 m of stroke", "flagged hydraulics.stiff", "0.50 m"],
+    );
+
+    let mut rig = good.clone();
+    rig.legs[1].plate_joint_m = rig.legs[2].plate_joint_m;
+    says(&rig, &["plate joints of legs 1 and 2: are 0.0000 m apart"]);
+
+    // The plate's triangle not turned: all legs' lines meet in one point.
+    let mut rig = good.clone();
+    for (i, leg) in rig.legs.iter_mut().enumerate() {
+        let a =
+            (i / 2) as f64 * 2.0 * FRAC_PI_3 + if i % 2 == 0 { -8.0_f64 } else { 8.0 }.to_radians();
+        leg.plate_joint_m = DVec3::new(0.0, a.cos(), a.sin()) * 2.0;
+    }
+    says(&rig, &["plate in the middle: the pose is singular"]);
+
+    // Turned by 35 deg about the docking axis on the way: past the singular pose at 90 deg.
+    let mut rig = good.clone();
+    rig.docking.roll_rad = 100.0_f64.to_radians();
+    says(&rig, &["lies beyond a singular pose"]);
+
+    // Long legs to the far plate joints cross.
+    let mut rig = good.clone();
+    (rig.legs[0].plate_joint_m, rig.legs[1].plate_joint_m) =
+        (rig.legs[1].plate_joint_m, rig.legs[0].plate_joint_m);
+    says(&rig, &["legs 0 and 1: cross: at "]);
+
+    let mut rig = good.clone();
+    rig.limits.force_n = 5000.0;
+    says(&rig, &["5000 N do not carry the plate of 2500"]);
+    let mut rig = good.clone();
+    rig.limits.speed_m_s = 0.3;
+    says(&rig, &["flagged leg_speed_m_s = 0.3 m/s is below"]);
+    let mut rig = good;
+    rig.gravity_m_s2 = DVec3::new(-9.0, 3.9, 0.0);
+    says(&rig, &["flagged gravity does not lie along the docking axis"]);
+}
+
+#[test]
+fn oracle_distance_of_legs() {
+    use crate::rig_check::segment_distance;
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let cases = [
+        ([-x, x], [z - y, z + y], 1.0),
+        ([DVec3::ZERO, x], [2.0 * x, 3.0 * x], 1.0),
+        ([DVec3::ZERO, x], [y, x + y], 1.0),
+        ([DVec3::ZERO, x], [2.0 * x + y, 2.0 * x + 3.0 * y], 2.0_f64.sqrt()),
+        ([DVec3::ZERO, 4.0 * x], [3.0 * x + z, 3.0 * x + 5.0 * z], 1.0),
+    ];
+    for (p, q, want) in cases {
+        for got in [segment_distance(p, q), segment_distance(q, p)] {
+            assert!((got - want).abs() < 1e-12, "{p:?} {q:?}: {got} against {want}");
+        }
+    }
+}
