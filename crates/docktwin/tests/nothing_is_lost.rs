@@ -222,13 +222,14 @@ fn invariant_a_run_that_cannot_begin_is_bad_input() {
     let at = tempfile::tempdir().expect("a folder");
     let run = at.path().join("run");
     let script = format!(
-        "trap '' XFSZ; ulimit -f 1; exec '{BINARY}' rehearse {SCENARIO} --out '{}'",
+        "trap '' XFSZ; ulimit -f 1; exec '{BINARY}' rehearse {SCENARIO} --json --out '{}'",
         run.display()
     );
     let done = Command::new("sh").args(["-c", &script]).current_dir(root()).output().expect("sh");
-    let err = String::from_utf8_lossy(&done.stderr);
-    assert_eq!(done.status.code(), Some(2), "{err}");
-    assert!(err.contains("free some space"), "{err}");
+    let said: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert_eq!((done.status.code(), &said["exit_code"]), (Some(2), &Value::from(2)), "{said}");
+    let errors = said["error"].as_array().expect("errors");
+    assert!(errors.len() == 1 && errors[0].as_str().is_some_and(|e| e.contains("free some space")));
 }
 
 /// Moved elsewhere, a run is replayed from its own copies of the models; an altered copy is told.

@@ -213,7 +213,7 @@ impl Class {
 const MI_MATRIX: u32 = 14;
 const MI_INT8: u32 = 1;
 const MI_INT32: u32 = 5;
-const MI_UINT16: u32 = 4;
+const MI_UTF16: u32 = 17;
 const MI_UINT32: u32 = 6;
 /// MATLAB's longest name.
 const NAME_MAX: usize = 63;
@@ -249,7 +249,7 @@ fn char_array(name: &str, text: &str) -> Vec<u8> {
     let units: Vec<u16> = text.encode_utf16().collect();
     let mut body = array_head(MX_CHAR, u64::from(!units.is_empty()), units.len() as u64, name);
     let bytes: Vec<u8> = units.iter().flat_map(|u| u.to_le_bytes()).collect();
-    element(&mut body, MI_UINT16, &bytes);
+    element(&mut body, MI_UTF16, &bytes);
     let mut out = Vec::new();
     element(&mut out, MI_MATRIX, &body);
     out

@@ -237,7 +237,7 @@ fn oracle_a_mat_file_is_laid_out_as_its_format_says() {
         seen.insert(name, (flags[0], flags[1], int(dims, 0), int(dims, 1), parts[3..].to_vec()));
     }
     let n = done.contacts as i32;
-    // Double is class 6, uint64 15, uint8 9 with the logical flag, uint16 11, char 4, cell 1.
+    // Double is class 6, uint64 15, uint8 9 with the logical flag, uint16 11, char 4 as miUTF16 17, cell 1.
     for (name, class, flag, rows) in [
         ("tick", 15, 0, 334),
         ("time_s", 6, 0, 334),
@@ -253,7 +253,7 @@ fn oracle_a_mat_file_is_laid_out_as_its_format_says() {
     }
     let (class, _, 1, 5, text) = &seen["scenario"] else { panic!("scenario") };
     let utf16: Vec<u8> = "swing".encode_utf16().flat_map(u16::to_le_bytes).collect();
-    assert_eq!((*class, text[0]), (4, (4, &utf16[..])));
+    assert_eq!((*class, text[0]), (4, (17, &utf16[..])));
     // The numbers themselves, by their types: miDOUBLE 9, miUINT8 2, miUINT16 4.
     let mut r = open(&dir);
     let ticks: Vec<_> = r.ticks().map(|t| t.expect("whole")).step_by(3).collect();
