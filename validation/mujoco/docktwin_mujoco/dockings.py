@@ -13,11 +13,11 @@ from .peer import ROOT, rehearse, states
 from .scenario import Scene
 from .vec import matrix
 
-# A colon names another attenuation than the scenario's.
+# A colon names another attenuation than the scenario's. Short ones first.
 SCENARIOS = (
-    "apas_nominal", "apas_fast", "apas_corner_a", "apas_corner_b", "apas_corner_c", "apas_corner_d",
-    "apas_miss", "apas_rebound", "apas75_paper_corner", "thrust_assist", "heavy_pair",
-    "light_chaser", "apas_nominal:differential", "apas_corner_a:differential",
+    "apas_miss", "apas_rebound", "apas_nominal", "apas_nominal:differential", "light_chaser", "apas_fast",
+    "apas75_paper_corner", "apas_corner_d", "apas_corner_a", "apas_corner_b", "apas_corner_c",
+    "apas_corner_a:differential", "thrust_assist", "heavy_pair",
 )
 HEADER = (
     "| scenario | outcome, both | capture, s | latches | peak force, N | peak off | impulse off "
