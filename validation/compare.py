@@ -6,6 +6,11 @@ Prints a Markdown table and writes it to `validation/results/dockings.md` after 
 of the list that are still missing named as such; all rows of a table come from one run with one binary.
 Scenarios named on the command line are printed only. The telemetry of MuJoCo's side goes to
 `target/validation/<scenario>.parquet`, with docktwin's column names.
+
+    DOCKTWIN_BIN=... python validation/compare.py --own-geometry UNTIL_S SCENARIO ...
+
+prints the same with our law on MuJoCo's collision geometry (`own_geometry.py`), to UNTIL_S seconds,
+with steps of 0.5 ms.
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ sys.path.insert(0, str(ROOT / "validation" / "mujoco"))
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "target" / "numba"))
 
 from docktwin_mujoco.dockings import HEADER, SCENARIOS, compare, line  # noqa: E402
+from docktwin_mujoco.own_geometry import OnOwnGeometry  # noqa: E402
 from docktwin_mujoco.telemetry import write  # noqa: E402
 
 
@@ -49,14 +55,21 @@ def main(names) -> None:
     out.mkdir(parents=True, exist_ok=True)
     results = ROOT / "validation" / "results"
     results.mkdir(exist_ok=True)
+    own = {}
+    if names[:1] == ["--own-geometry"]:
+        if len(names) < 3:
+            sys.exit("name the time to run to and a scenario: --own-geometry 1.2 apas_fast")
+        until, names = float(names[1]), names[2:]
+        own = {"engine": OnOwnGeometry, "step_s": 5e-4, "overrides": [f"run.duration_s={until}"]}
     lines, missing = list(HEADER), list(names or SCENARIOS)
     print(*lines, sep="\n", flush=True)
     while missing:
         item = missing.pop(0)
         name, _, how = item.partition(":")
         begin = time.process_time()
-        found = compare(binary, name, how, out / "run")
-        write(found.mujoco, found.scene, out / f"{item.replace(':', '_')}.parquet")
+        found = compare(binary, name, how, out / ("own" if own else "run"), **own)
+        if not own:
+            write(found.mujoco, found.scene, out / f"{item.replace(':', '_')}.parquet")
         lines.append(line(item, found))
         print(lines[-1], f"{time.process_time() - begin:.1f} s of processor time", flush=True)
         if not names:

@@ -55,10 +55,6 @@ class Row:
 # -- one impact in three ways --------------------------------------------------------------------
 
 
-def _along(x_chaser, x_target):
-    return x_target - x_chaser
-
-
 def _impact(times, gap, speed_in, speed_out, depth):
     """Time between the two crossings of zero depth, from the free flights before and after: depth is
     taken from the least distance of the bodies and the deepest overlap."""
@@ -78,10 +74,11 @@ def head_on(binary, out: Path, scenario="basic_central_impact", sets=(), twins=(
     rings, along X."""
     found = {}
     for twin in twins:
-        run = rehearse(binary, ROOT / "scenarios" / f"{scenario}.toml", sets, twin, out / "run")
+        path = ROOT / "scenarios" / f"{scenario}.toml" if isinstance(scenario, str) else scenario
+        run = rehearse(binary, path, sets, twin, out / "run")
         col, s = run.columns, run.summary
-        gap = _along(col["chaser_position_x_m"], col["target_position_x_m"])
-        speed = _along(col["chaser_velocity_x_m_s"], col["target_velocity_x_m_s"])
+        gap = col["target_position_x_m"] - col["chaser_position_x_m"]
+        speed = col["target_velocity_x_m_s"] - col["chaser_velocity_x_m_s"]
         found[twin] = {
             "force": s["peak_force_n"], "depth": s["peak_penetration_m"],
             "e": float(-speed[-1] / speed[0]), "impulse": s["impulse_ns"],
@@ -191,7 +188,12 @@ def hunt_crossley(binary, out, d, exponent):
 def kelvin_voigt(binary, out, damping):
     """Restitution of a spring and damper that cannot pull."""
     zeta = damping / (2.0 * math.sqrt(1e6 * cf.MASS_KG))
-    found = head_on(binary, out, sets=_law("kelvin_voigt", damping_n_s_m=damping))
+    # The file's `damping_s_m` belongs to the other law and cannot be taken away by `--set`.
+    text = (ROOT / "scenarios" / "basic_central_impact.toml").read_text()
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "basic_central_impact.toml"
+    path.write_text(text.replace("damping_s_m = 0.0\n", "").replace('"models/', f'"{ROOT}/models/'))
+    found = head_on(binary, out, path, _law("kelvin_voigt", damping_n_s_m=damping))
     return _rows(f"Kelvin–Voigt, F ≥ 0, c = {damping:.6g} N·s/m, ζ = {zeta:.4f}", found,
                  own_impact(0.35, 1e6, damping),
                  [("e", "restitution", "", cf.kelvin_voigt_restitution(zeta), 1.0)])

@@ -55,13 +55,15 @@ def _relative(p1, q1, p2, q2, port_1, port_2):
     return np.array(out_p), np.array(out_r)
 
 
-def compare(binary, name: str, how: str, out: Path, step_s: float = 2e-4, overrides=()) -> Comparison:
-    """Runs `name`, with attenuation `how` if given, in both engines."""
+def compare(binary, name: str, how: str, out: Path, step_s: float = 2e-4, overrides=(),
+            engine=FullDocking) -> Comparison:
+    """Runs `name`, with attenuation `how` if given, in both engines. `engine` makes the docking of a
+    scene and a step."""
     sets = list(overrides) + ([f'mechanism.attenuation="{how}"'] if how else [])
     run = rehearse(binary, ROOT / "scenarios" / f"{name}.toml", sets, out=out)
     col, scene = run.columns, run.scene
     last = len(col["time_s"]) - 1
-    dock = FullDocking(scene, step_s)
+    dock = engine(scene, step_s)
     # As long as docktwin's run, so that a limit passed there is looked for here too.
     got = dock.run(states(run), float(scene.run["duration_s"]), float(col["time_s"][0]))
     caught = sorted(
