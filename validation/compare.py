@@ -67,7 +67,7 @@ def main(names) -> None:
         item = missing.pop(0)
         name, _, how = item.partition(":")
         begin = time.process_time()
-        found = compare(binary, name, how, out / ("own" if own else "run"), **own)
+        found = compare(binary, name, how, out / (f"own_{name}" if own else "run"), **own)
         if not own:
             write(found.mujoco, found.scene, out / f"{item.replace(':', '_')}.parquet")
         lines.append(line(item, found))
