@@ -8,6 +8,7 @@ import pytest
 
 from docktwin_mujoco.scenario import Telemetry, read_scene
 from docktwin_mujoco.scene import Docking, rotation
+from oracles.closed_forms import SLOW, oblique
 
 CASES = (
     "basic_central_impact",
@@ -76,53 +77,10 @@ def test_oracle_basic_case(rehearse, models, figure, case):
     assert exit_v <= EXIT and rates <= EXIT
 
 
-def effective_mass(lever_chaser_m, lever_target_m):
-    """Of the test bodies, 8 t and 12 t with 1 m of gyration, seen along the normal, kg."""
-    return 1.0 / ((1.0 + lever_chaser_m**2) / 8e3 + (1.0 + lever_target_m**2) / 12e3)
-
-
-def bending(petals, s):
-    """Stiffness of 1e6 N/m in series with petals of EI = 16000 N m2 loaded at s, N/m."""
-    return 1.0 / (1e-6 + petals * s**3 / (3.0 * 16e3))
-
-
-# Port 2 m from the mass centres, rings 0.3 m and 0.1 m ahead of the ports.
-TO_1, TO_2 = 2.3, 2.1
 LIMIT_PEAK, LIMIT_IMPULSE = 0.002, 0.005
 
 
-def ring_on_flank():
-    """Levers of a normal at 45 degrees through a petal at s from its base and a ring 60 mm off,
-    and s. The ring's centre line is 35 mm (radii 10 and 25 mm) from that of the petal."""
-    h = np.sqrt(0.5)
-    ring_y = -0.06 + 0.6
-    # The petal runs along (1, -1) from (0, 0.597); its normal is (1, 1).
-    s = (0.597 - (ring_y - 0.035 * h)) / h
-    return h * (TO_1 + s * h - (0.597 - s * h)), h * (TO_2 + 0.6), s
-
-
-def closed_form(case):
-    """Effective mass, stiffness, and the part of the closing speed along the normal."""
-    if case == "basic_guide_guide":
-        # Tips meet at y = 0.41 m; the petals are 0.187 m high and as wide.
-        slant = 0.187 * np.sqrt(2.0)
-        off = 0.014043 + TO_2 * np.sin(np.radians(4.0))
-        return effective_mass(0.41, 0.41 - off), bending(2, slant), 1.0
-    if case == "basic_guide_ring":
-        lever_1, lever_2, s = ring_on_flank()
-        return effective_mass(lever_1, lever_2), bending(1, s), np.sqrt(0.5)
-    off = 0.002283 + TO_2 * np.sin(np.radians(5.0))
-    return effective_mass(0.6, 0.6 - off), 1e6, 1.0
-
-
-@pytest.mark.parametrize(
-    "case,speed,duration",
-    [
-        ("basic_guide_guide", 0.0025, 0.8),
-        ("basic_guide_ring", 0.01, 0.6),
-        ("basic_ring_ring", 0.01, 0.8),
-    ],
-)
+@pytest.mark.parametrize("case,speed,duration", [(c, *x) for c, x in SLOW.items()])
 def test_oracle_slow_oblique_impacts_tend_to_their_closed_forms(
     rehearse, models, figure, case, speed, duration
 ):
@@ -139,7 +97,7 @@ def test_oracle_slow_oblique_impacts_tend_to_their_closed_forms(
         tele.state("chaser", 0), tele.state("target", 0), tele.time_s[-1], tele.time_s[0]
     )
     assert docking.force_n == 0.0, "the run must last until the sides have parted"
-    mass, k, along = closed_form(case)
+    mass, k, along = oblique(case)
     want_peak, want_impulse = along * speed * np.sqrt(k * mass), 2.0 * mass * along * speed
     found = {
         "docktwin": (summary["peak_force_n"], summary["impulse_ns"]),

@@ -10,6 +10,10 @@ from docktwin_mujoco.scenario import Telemetry, read_scene
 from docktwin_mujoco.scene import rotation
 
 SCENARIO = """schema = 1
+[initial]
+axial_speed_m_s = 0.1
+[run]
+duration_s = 1.0
 [chaser]
 model = "chaser_8t"
 [target]

@@ -43,7 +43,7 @@ def rehearse(binary, scenario: Path, overrides=(), twin="reduced", out: Path | N
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     # 1 is a run that ended otherwise than expected: the physics is still there to compare.
     if done.returncode not in (0, 1):
-        raise Refused(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+        raise Refused(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}{done.stdout}")
     try:
         summary = json.loads((out / "summary.json").read_text())
         table = pq.read_table(out / "telemetry.parquet", columns=columns)
