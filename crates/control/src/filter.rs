@@ -23,7 +23,11 @@ impl Section {
             let (q2, q1) = (p2 * c * c, p1 * c);
             [q2 + q1 + p0, 2.0 * (p0 - q2), q2 - q1 + p0]
         };
-        let (b, a) = (z(numerator), z(denominator));
+        Self::of_polynomials(z(numerator), z(denominator))
+    }
+
+    /// From polynomials in z, highest power first.
+    fn of_polynomials(b: [f64; 3], a: [f64; 3]) -> Self {
         let coefficients = Coefficients {
             a1: a[1] / a[0],
             a2: a[2] / a[0],
@@ -37,9 +41,10 @@ impl Section {
     /// First-order high-pass with corner `corner_hz`: takes out what is steady.
     #[must_use]
     pub fn high_pass(corner_hz: f64, sample_s: f64) -> Self {
-        // Pole and zero exactly where they belong: the corner is far below the sampling rate.
-        let w = TAU * corner_hz;
-        Self::bilinear([0.0, 1.0, 0.0], [0.0, 1.0, w], sample_s)
+        // Of first order in z too: the common factor z + 1 of a second-order form would be a hidden
+        // pole on the unit circle.
+        let (c, w) = (2.0 / sample_s, TAU * corner_hz);
+        Self::of_polynomials([c, -c, 0.0], [c + w, w - c, 0.0])
     }
 
     /// Takes a second-order lag away and puts a faster one in its place.

@@ -154,7 +154,7 @@ impl LinearRig {
         const SHIFT: f64 = 2.0;
         let n = balanced.nrows();
         balanced += DMatrix::identity(n, n) * SHIFT;
-        let schur = balanced.try_schur(1e-12, 100_000)?;
+        let schur = balanced.try_schur(1e-10, 100_000)?;
         let mut out: Vec<Pole> = schur
             .complex_eigenvalues()
             .iter()
