@@ -117,26 +117,18 @@ pub(crate) fn svg(run: &Run, g: &Geometry, m: &Moment, s: &Snapshot, look: Look)
     let mut body = String::new();
     planes(&mut body, g, &poses, &camera);
     surfaces(&mut body, g, &poses, &camera);
-    names(&mut body, g, &poses, &camera, s, look);
-    arrows(&mut body, run, &poses, &camera, &contacts);
+    let taken = names(&mut body, g, &poses, &camera, s, look);
+    arrows(&mut body, run, &poses, &camera, &contacts, taken);
     if m.port {
         port(&mut body, &poses, &camera, s);
     }
-    let lines = if look == Look::Oblique { lines(&contacts) } else { Vec::new() };
-    #[expect(clippy::cast_precision_loss, reason = "few lines")]
-    let strip = (FONT + 4.0) * lines.len() as f64;
-    for (i, line) in lines.iter().enumerate() {
-        #[expect(clippy::cast_precision_loss, reason = "few lines")]
-        let y = HEIGHT + 10.0 + (FONT + 4.0) * i as f64;
-        let indent = if line.starts_with(' ') { 26.0 } else { 8.0 };
-        text(&mut body, [indent, y], line.trim_start(), "");
-    }
+    let strip = if look == Look::Oblique { strip(&mut body, run, m, s, &contacts) } else { 0.0 };
     let view = match look {
         Look::Oblique => "from the side",
         Look::Axis => "along the docking axis, from the chaser",
     };
     let label = format!("{} at {}, {view}", m.title, words::at(s.time_s));
-    let height = HEIGHT + if strip > 0.0 { strip + 4.0 } else { 0.0 };
+    let height = HEIGHT + strip;
     format!(
         "<svg class=\"dtp\" viewBox=\"0 0 {WIDTH:.0} {height:.0}\" role=\"img\" \
          aria-label=\"{}\">{body}</svg>",
@@ -239,8 +231,16 @@ fn short(v: f64) -> String {
     }
 }
 
-/// Names of petals, latches and sides.
-fn names(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera, s: &Snapshot, look: Look) {
+/// Names of petals, latches and sides; gives the places they take.
+fn names(
+    out: &mut String,
+    g: &Geometry,
+    poses: &Poses,
+    camera: &Camera,
+    s: &Snapshot,
+    look: Look,
+) -> Vec<[f64; 2]> {
+    let mut taken = Vec::new();
     let m = &g.mechanism;
     let in3 = |x: &Pose, p: DVec3| poses.x_w3.inverse_transform_point(x.transform_point(p));
     if look == Look::Axis {
@@ -254,6 +254,7 @@ fn names(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera, s: &Sna
         for i in 0..petals.count {
             let [base, tip] = petals.ruling(i, 0.0);
             let at = camera.at(in3(x, base.lerp(tip, 0.72)));
+            taken.push(at);
             let _ = write!(
                 out,
                 "<text class=\"{class} halo\" x=\"{:.1}\" y=\"{:.1}\" font-size=\"11\" \
@@ -276,6 +277,7 @@ fn names(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera, s: &Sna
             let at = camera.at(p3);
             let phase = s.latches[i].min(3);
             let outward = camera.at(in3(&poses.x_wr, DVec3::new(p.x, p.y * 1.11, p.z * 1.11)));
+            taken.push(outward);
             let _ = write!(
                 out,
                 "<circle class=\"l{phase}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"4.5\"/>\
@@ -314,6 +316,7 @@ fn names(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera, s: &Sna
             text(out, [o[0] - 44.0, o[1] + 4.0], "Y", "");
         }
     }
+    taken
 }
 
 fn side_name(out: &mut String, at: [f64; 2], s: &str, class: &str, attributes: &str) {
@@ -343,9 +346,16 @@ fn outline(out: &mut String, side: &SideGeometry, x: &Pose, poses: &Poses, camer
 }
 
 /// Force of each contact on the active side, with the number of its line.
-fn arrows(out: &mut String, run: &Run, poses: &Poses, camera: &Camera, contacts: &[Shown<'_>]) {
+fn arrows(
+    out: &mut String,
+    run: &Run,
+    poses: &Poses,
+    camera: &Camera,
+    contacts: &[Shown<'_>],
+    taken: Vec<[f64; 2]>,
+) {
     let largest = run.strongest().map_or(1.0, |c| c.peak.force_n).max(1e-9);
-    let mut badges: Vec<[f64; 2]> = Vec::new();
+    let mut badges = taken;
     for (i, c) in contacts.iter().enumerate() {
         let ink = match c.pair.kind() {
             0 => 6,
@@ -423,23 +433,6 @@ fn arrows(out: &mut String, run: &Run, poses: &Poses, camera: &Camera, contacts:
             );
         }
     }
-    if !contacts.is_empty() {
-        // A round force for scale.
-        let magnitude = 10f64.powf((largest * 0.6).log10().floor());
-        let round = [5.0, 2.0, 1.0]
-            .into_iter()
-            .map(|s| s * magnitude)
-            .find(|s| *s <= largest * 0.6)
-            .unwrap_or(magnitude);
-        let l = ARROW * round / largest;
-        let y = HEIGHT - 14.0;
-        let _ = write!(
-            out,
-            "<path class=\"dts9\" fill=\"none\" stroke-width=\"1.5\" d=\"M8 {0}h{l:.1}m-5 -3l5 3l-5 3\"/>",
-            y
-        );
-        text(out, [8.0, y - 7.0], &format!("{} on the active side", words::newtons(round)), "");
-    }
 }
 
 /// The load that goes through the port.
@@ -456,14 +449,49 @@ fn port(out: &mut String, poses: &Poses, camera: &Camera, s: &Snapshot) {
          d=\"M{0:.1} {1:.1}L{2:.1} {3:.1}\"/><circle class=\"dtf6\" cx=\"{2:.1}\" cy=\"{3:.1}\" r=\"5\"/>",
         from[0], from[1], to[0], to[1]
     );
-    let anchor = if to[0] > 0.6 * WIDTH { " text-anchor=\"end\"" } else { "" };
-    let label = format!("port load on the target {}", words::newtons(f.length()));
-    text(
-        out,
-        [to[0].clamp(8.0, WIDTH - 8.0), to[1].clamp(30.0, HEIGHT - 24.0) - 10.0],
-        &label,
-        anchor,
-    );
+}
+
+/// Below the picture: the contacts in words, and what the arrows mean. Gives its height.
+fn strip(out: &mut String, run: &Run, m: &Moment, s: &Snapshot, contacts: &[Shown<'_>]) -> f64 {
+    const STEP: f64 = FONT + 4.0;
+    let mut y = HEIGHT + 10.0;
+    for line in lines(contacts) {
+        let indent = if line.starts_with(' ') { 26.0 } else { 8.0 };
+        text(out, [indent, y], line.trim_start(), "");
+        y += STEP;
+    }
+    if !contacts.is_empty() {
+        // A round force for scale.
+        let largest = run.strongest().map_or(1.0, |c| c.peak.force_n).max(1e-9);
+        let magnitude = 10f64.powf((largest * 0.6).log10().floor());
+        let round = [5.0, 2.0, 1.0]
+            .into_iter()
+            .map(|s| s * magnitude)
+            .find(|s| *s <= largest * 0.6)
+            .unwrap_or(magnitude);
+        let l = ARROW * round / largest;
+        let _ = write!(
+            out,
+            "<path class=\"dts9\" fill=\"none\" stroke-width=\"1.5\" \
+             d=\"M8 {:.1}h{l:.1}m-5 -3l5 3l-5 3\"/>",
+            y - 4.0
+        );
+        let words = format!("is {} on the active side", words::newtons(round));
+        text(out, [8.0 + l + 8.0, y], &words, "");
+        y += STEP;
+    }
+    if let (true, Some(f)) = (m.port, s.port_n) {
+        let _ = write!(
+            out,
+            "<path class=\"dts6\" fill=\"none\" stroke-width=\"3\" stroke-dasharray=\"6 3\" \
+             d=\"M8 {:.1}h30\"/>",
+            y - 4.0
+        );
+        let words = format!("load of the port on the target, {}", words::newtons(f.length()));
+        text(out, [46.0, y], &words, "");
+        y += STEP;
+    }
+    y - HEIGHT - 6.0
 }
 
 /// The strongest contacts in words, broken where they are too long; a continued line begins with a

@@ -265,7 +265,7 @@ pub(crate) fn place(pair: &Pair, at: DVec3, b: &Bodies, g: &Geometry) -> Option<
             format!("{petal}, {}", among_petals(&m.active, 'A', in_r).unwrap_or_else(side))
         }
         [Part::Petal(i), Part::Petal(j)] => format!(
-            "A{i} {}, P{j} {}",
+            "(A{i} {}; P{j} {})",
             on_petal(m.active.petals.as_ref()?, i - 1, in_r),
             on_petal(m.passive.petals.as_ref()?, j - 1, in_p)
         ),

@@ -15,6 +15,9 @@ pub(crate) fn three(x: f64) -> String {
         return "–".to_owned();
     }
     let a = x.abs();
+    if a < f64::MIN_POSITIVE {
+        return "0".to_owned();
+    }
     if a >= 1e6 || (a > 0.0 && a < 1e-4) {
         return exponent(x);
     }
@@ -110,6 +113,6 @@ mod tests {
         assert_eq!(exponent(2.4e-6), "2.4 × 10⁻⁶");
         assert_eq!(bytes(27_923_733), "27.9 MB");
         assert_eq!(three(f64::NAN), "–");
-        assert_eq!(three(0.0), "0.0000");
+        assert_eq!(three(-0.0), "0");
     }
 }
