@@ -1,7 +1,7 @@
 //! The shipped files with random damage: each loads, or is refused with a file and a remedy. What
 //! loads can be started and stepped. Nothing panics.
 //!
-//! The same damage every time. More of it: `DOCKTWIN_MUTATIONS=1000000 cargo test --workspace --test
+//! The same damage every time. More of it: `DOCKTWIN_MUTATIONS=100000 cargo test --workspace --test
 //! mutated_inputs`.
 
 use std::{
@@ -19,7 +19,7 @@ use docktwin_scenario::load_scenario;
 
 /// Files damaged in a run of the tests.
 fn rounds() -> u64 {
-    std::env::var("DOCKTWIN_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(1500)
+    std::env::var("DOCKTWIN_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(1000)
 }
 
 /// splitmix64 (Steele, Lea, Flood 2014).

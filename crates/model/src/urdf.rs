@@ -627,7 +627,8 @@ pub(crate) fn mass_of(
         });
     };
     let (least, most) = MASS_KG;
-    if !(mass_kg >= least && mass_kg <= most) {
+    // One that is no number was told where it stands.
+    if mass_kg.is_finite() && !(mass_kg >= least && mass_kg <= most) {
         let allowed = format!("≥ {least} and ≤ {most} kg");
         refuse("mass", mass_kg.to_string(), "kg", "is out of range", &allowed);
     }

@@ -275,9 +275,9 @@ fn regress_expectations_make_the_verdict() {
 const BAD: &[(&str, &str, &str)] = &[
     ("schema = 1", "", "schema: is missing"),
     ("schema = 1", "schema = 2", "whole number from 1 to 1"),
-    ("name = \"whole\"", "name = \"\"", "name = \"\": is empty"),
-    ("name = \"whole\"", "", "name: is missing"),
-    ("name = \"whole\"", "title = \"whole\"", "title = \"whole\": is not a known key"),
+    ("name = \"my_approach\"", "name = \"\"", "name = \"\": is empty"),
+    ("name = \"my_approach\"", "", "name: is missing"),
+    ("name = \"my_approach\"", "title = \"whole\"", "title = \"whole\": is not a known key"),
     ("[chaser]\nmodel = ", "[chaser]\nmodle = ", "did you mean `model`?"),
     ("[chaser]\nmodel = ", "[chaser]\nmodel = 5 # ", "chaser.model = 5: is an integer"),
     ("chaser_8t.urdf", "chaser_9t.urdf", "is found neither beside the scenario"),
@@ -354,5 +354,5 @@ fn regress_bad_scenarios_are_refused_with_a_reason() {
         assert!(problems.len() == 1 && problems[0].line > Some(1), "{problems:?}");
     }
     let gone = load_scenario(Path::new("gone.toml"), &[]).expect_err("no such file");
-    assert!(gone.to_string().contains("cannot be read"));
+    assert!(gone.to_string().contains("does not exist"));
 }
