@@ -1,5 +1,5 @@
 """MuJoCo's own contact solver and its own collision shapes, with the stiffness set from the effective
-mass at the place of contact: no line of our law."""
+mass at the place of contact: no line of our law. And our law on these shapes: the geometry apart."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from docktwin_mujoco import own_solver
+from docktwin_mujoco.dockings import compare
+from docktwin_mujoco.own_geometry import OnOwnGeometry
 from docktwin_mujoco.peer import ROOT, rehearse, states
 from docktwin_mujoco.scene import rotation
 
@@ -46,3 +48,19 @@ def test_oracle_single_point_impact(binary, tmp_path, figure, case, sets):
     assert run.columns["contact_depth_m"][last] == 0.0, "the run must last until the sides parted"
     assert got.most_contacts > 0
     assert peak <= PEAK and exit_v <= EXIT
+
+
+@pytest.mark.parametrize("case,until_s", [("basic_ring_ring", 1.6), ("apas_fast", 1.0)])
+def test_oracle_our_law_on_mujocos_geometry(binary, tmp_path, figure, case, until_s):
+    """MuJoCo's collision detection finds depth, normal and point; the law makes forces of them. To
+    capture and a little beyond, with petals and friction, not only single places."""
+    f = compare(binary, case, "", tmp_path / "run", 5e-4, [f"run.duration_s={until_s}"],
+                OnOwnGeometry)
+    figure(
+        f"{f.summary['outcome']}, peak {f.summary['peak_force_n']:.1f} N off by {100 * f.peak:.3f} % "
+        f"(limit 5 %), impulse {100 * f.impulse:.3f} %, pose until the {f.until} "
+        f"{1e3 * f.pose_m:.4f} mm, {np.degrees(f.angle_rad):.5f} degrees (limits 1 mm, 0.1 degrees)"
+    )
+    assert f.mujoco.outcome == f.summary["outcome"] and f.mujoco.latch_order == f.latches
+    assert f.peak <= 0.05
+    assert f.pose_m <= 1e-3 and f.angle_rad <= np.radians(0.1)
