@@ -38,12 +38,13 @@ pub(crate) enum ValidateCommand {
 
 const CROSSCHECK: &str = "\
 MuJoCo integrates, and geometry and contact law are written a second time in Python, from the model
-files alone. Both start from the same state and are compared from first contact on. Required until the
-first latch: relative pose within 1 mm and 0.1 degrees; then peak force within 5 %, the same outcome
-and the same order of latches. The rest is told, not judged.
+files alone. Both start from the same state and are compared from first contact on. Required:
+relative pose within 1 mm and 0.1 degrees until the first latch, peak force within 5 %, the same
+outcome and the same order of latches. The rest is told, not judged.
 
 The directory holds `docktwin` and `mujoco` (run directories, for `view`, `diff`, `report`),
-comparison.json (what --json prints), plots as SVG, and crosscheck.rrd (MuJoCo's run over docktwin's).
+comparison.json (what --json prints), plots as SVG, and crosscheck.rrd (MuJoCo's run laid over
+docktwin's). First contact is known to a step, by which alignment may be off.
 
 MuJoCo needs Python 3.11 or newer with validation/requirements.txt; `cargo xtask test` makes such an
 environment under target/venv-validation. The first run compiles the second engine, half a minute.
