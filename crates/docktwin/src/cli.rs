@@ -66,6 +66,9 @@ pub(crate) enum Command {
     /// Write one self-contained HTML page of a run: verdict, pictures, plots, contacts in words
     #[command(after_help = REPORT)]
     Report(ReportArgs),
+    /// Hold docktwin against something else
+    #[command(subcommand)]
+    Validate(crate::validate::ValidateCommand),
 }
 
 const REHEARSE: &str = "\

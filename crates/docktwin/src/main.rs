@@ -15,6 +15,7 @@ mod recover;
 mod rehearse;
 mod replay;
 mod report;
+mod validate;
 mod view;
 
 use std::process::ExitCode;

@@ -61,7 +61,8 @@ struct Cells {
     ring: [usize; 2],
     port3: [usize; 2],
     port4: [usize; 2],
-    energy: [usize; 7],
+    /// Another engine's recording may lack the energy account.
+    energy: [Option<usize>; 7],
     phase: [usize; 3],
     gap: [usize; 3],
     /// Not in recordings of the first version.
@@ -106,7 +107,7 @@ impl Cells {
                 "lost_capture",
                 "lost_attenuator",
             ]
-            .map(|k| at(&format!("energy_{k}_j"))),
+            .map(|k| index(&format!("energy_{k}_j"))),
             phase: latches.map(|i| at(&format!("latch_{i}_phase"))),
             gap: latches.map(|i| at(&format!("latch_{i}_gap_m"))),
             latch_force,
@@ -195,7 +196,8 @@ impl Playback {
                 }
             }
         }
-        let [kinetic, stored, friction, contact, joint, capture, attenuator] = c.energy.map(number);
+        let [kinetic, stored, friction, contact, joint, capture, attenuator] =
+            c.energy.map(|i| i.map_or(f64::NAN, number));
         let between = Wrench { f: vector(c.port4[0]), m: vector(c.port4[1]) }
             .rotated(poses.x_w4.q)
             .shifted(poses.x_wr.p - poses.x_w4.p);

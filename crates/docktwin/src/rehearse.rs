@@ -43,7 +43,7 @@ use crate::{
 };
 
 /// A contact that is interrupted for less than this is one contact in the events, s.
-const CONTACT_GAP_S: f64 = 0.02;
+pub(crate) const CONTACT_GAP_S: f64 = 0.02;
 /// An energy account that is off by more than this share of the energy put in is a defect.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
 }
 
-fn default_directory(name: &str) -> PathBuf {
+pub(crate) fn default_directory(name: &str) -> PathBuf {
     let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
     let mut dir = Path::new("runs").join(format!("{name}-{now}"));
     let mut n = 1;
@@ -122,7 +122,7 @@ impl Setup<'_> {
         m
     }
 
-    fn rehearse<T: DockingTwin>(
+    pub(crate) fn rehearse<T: DockingTwin>(
         &self,
         new: impl FnOnce(System, [BodyState; 3], f64) -> T,
         rrd: bool,

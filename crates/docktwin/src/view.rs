@@ -133,7 +133,8 @@ fn save_one(dir: &Path, until: Option<SimTime>, file: &Path) -> Result<(), Failu
     Ok(view.finish()?)
 }
 
-fn save_two(
+/// Writes run B over run A for the viewer.
+pub(crate) fn save_two(
     dirs: &[PathBuf],
     align: Align,
     until: Option<SimTime>,

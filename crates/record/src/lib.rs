@@ -28,6 +28,7 @@ mod diff;
 mod error;
 mod event;
 mod export;
+mod import;
 mod layout;
 mod log;
 mod reader;
@@ -45,6 +46,7 @@ pub use diff::{Difference, first_difference, first_difference_except};
 pub use error::RecordError;
 pub use event::Event;
 pub use export::{Exported, Selection, export_csv, export_mat};
+pub use import::read_table;
 #[doc(hidden)]
 pub use reader::flip_bit;
 pub use reader::{Cut, RunReader, TickRecord, Ticks, rebuild_parquet};

@@ -51,7 +51,9 @@ PHASE, TIMES, ANCHOR, PRELOAD = 10, 13, 30, 39
 SLOT, CLEAR, CONTROL = 50, 120, 340
 PLACES = 352
 WARM, WARM_SIZE = 360, 17
-S_SIZE = 520
+# Places for the record: pair, point, normal force on the passive side, friction, depth.
+SHOWN, SHOWN_SIZE, MOST_SHOWN = 520, 11, 12
+S_SIZE = 520 + 11 * 12
 PAIRS = 16
 CLEAR_SIZE = 13
 
@@ -68,7 +70,8 @@ TIME, BODIES, REL_V, REL_W, X_RING, TOUCH, INTERFACE, DEPTH_NOW, DEPTH_PEAK, OVE
 DEFLECTION, PSI, PORT3, PORT4, CONTACT, PHASES, GAPS, N_PLACES, FORCE_NOW, CONTROLS = (
     59, 62, 65, 71, 77, 80, 83, 86, 87, 88
 )
-ROW = 100
+LATCH_FORCE, N_SHOWN, SHOWN_ROW = 100, 109, 110
+ROW = 110 + SHOWN_SIZE * MOST_SHOWN
 
 
 @njit(cache=True)
@@ -248,6 +251,14 @@ def apply(P, S, act, rates, pair, pushing, rows, places, v_ab, w_ab, first, befo
                 S[slots + 2 * j + 1] = row[AT]
             size = norm(direction)
             normal = total * size * row[RUBS]
+            shown = SHOWN + SHOWN_SIZE * (before + i)
+            keep = first and before + i < MOST_SHOWN
+            if keep:
+                S[shown] = pair
+                put3(S, shown + 1, point)
+                put3(S, shown + 4, f)
+                put3(S, shown + 7, (0.0, 0.0, 0.0))
+                S[shown + 10] = row[DEPTH]
             if P[RUBBING] != 0.0 and size > 1e-9:
                 n = mul(direction, 1.0 / size)
                 wn = dot(w_ab, n)
@@ -261,7 +272,10 @@ def apply(P, S, act, rates, pair, pushing, rows, places, v_ab, w_ab, first, befo
                     mu = P[MU_K] + (P[MU_S] - P[MU_K]) * fade
                     rub = mul(axpy(y, P[TAU_B] * fade, y_rate), -mu * normal)
                     twist = dot(rub, n)
-                    f = add(f, axpy(rub, -twist, n))
+                    rubbing = axpy(rub, -twist, n)
+                    if keep:
+                        put3(S, shown + 7, rubbing)
+                    f = add(f, rubbing)
                     m = axpy(m, twist * row[SPREAD], n)
         force = add(force, f)
         moment = add(moment, add(m, cross(point, f)))
@@ -566,6 +580,7 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
     zero = (0.0, 0.0, 0.0)
     force, moment, rubbed = zero, zero, zero
     depth, count = 0.0, 0
+    latch = np.zeros((3, 3))
     joined = S[CAPTURED] >= 0.0
     if not joined:
         if P[CONTACT_OFF] == 0.0:
@@ -580,6 +595,7 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
                 at, gap = striker(P, i, r_ab, p_ab)
                 if S[PHASE + i] == 3.0:
                     f = (-P[HOLD] * max(gap[0] - P[CATCH], 0.0), 0.0, 0.0)
+                    put3(latch[i], 0, f)
                     force, moment = add(force, f), add(moment, cross(at, f))
             if first:
                 for i in range(3):
@@ -592,6 +608,7 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
             at, gap = striker(P, i, r_ab, p_ab)
             f = axpy(at3(S, PRELOAD + 3 * i), -P[JOINED_K] / 3.0, sub(at, at3(S, ANCHOR + 3 * i)))
             f = axpy(f, -P[JOINED_C], add(v_ab, cross(w_ab, at)))
+            put3(latch[i], 0, f)
             force, moment = add(force, f), add(moment, cross(at, f))
     if first:
         size = norm(force)
@@ -670,6 +687,16 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         row[N_PLACES], row[FORCE_NOW] = count, S[FORCE]
         for i in range(12):
             row[CONTROLS + i] = S[CONTROL + i]
+        for i in range(3):
+            put3(row, LATCH_FORCE + 3 * i, at3(latch[i], 0))
+        n = min(count, MOST_SHOWN)
+        row[N_SHOWN] = n
+        for i in range(n):
+            a, b = SHOWN_ROW + SHOWN_SIZE * i, SHOWN + SHOWN_SIZE * i
+            row[a], row[a + 10] = S[b], S[b + 10]
+            put3(row, a + 1, add(pr, turn(rr, at3(S, b + 1))))
+            put3(row, a + 4, turn(rr, at3(S, b + 4)))
+            put3(row, a + 7, turn(rr, at3(S, b + 7)))
 
 
 # -- MuJoCo's view ---------------------------------------------------------------------------------

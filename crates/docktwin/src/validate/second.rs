@@ -1,0 +1,486 @@
+//! The second engine as a process, and its tables as a run directory.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use docktwin::signals::columns;
+use docktwin_core::{DVec3, SimTime, Tick};
+use docktwin_physics::contact::{PAIRS, SurfacePair};
+use docktwin_record::{
+    Cell, Column, ColumnKind, ContactRow, Event, Outcome, Policy, RecordError, RunWriter,
+    SUMMARY_SCHEMA, StepUs, Summary, Verdict, files, read_table,
+};
+use docktwin_scenario::{ExpectedOutcome, Measured, Scenario};
+use serde::Deserialize;
+use serde_json::json;
+
+use crate::{
+    failure::Failure,
+    models::ModelCopies,
+    rehearse::{CONTACT_GAP_S, digest_keys},
+};
+
+/// Names the Python with MuJoCo.
+const PYTHON: &str = "DOCKTWIN_PYTHON";
+/// What shows that a directory is our `validation`.
+const ENTRY: &str = "mujoco/docktwin_mujoco/__main__.py";
+
+/// What the second engine says of its run.
+#[derive(Debug, Deserialize)]
+pub(super) struct Told {
+    /// Name and version.
+    pub(super) engine: String,
+    /// Step, s.
+    pub(super) step_s: f64,
+    integrator: String,
+    outcome: Outcome,
+    reason: String,
+    decided_s: f64,
+    end_s: f64,
+    first_contact_s: Option<f64>,
+    capture_s: Option<f64>,
+    latches_s: Vec<Option<f64>>,
+    peak_force_n: f64,
+    peak_moment_nm: f64,
+    peak_penetration_m: f64,
+    impulse_ns: f64,
+    ticks: u64,
+    wall_s: f64,
+}
+
+/// Where the second engine is.
+pub(super) struct Second {
+    python: PathBuf,
+    validation: PathBuf,
+}
+
+impl Second {
+    /// Finds the Python side and an interpreter that has what it needs.
+    pub(super) fn find(
+        scenario: &Path,
+        validation: Option<&Path>,
+        python: Option<&Path>,
+    ) -> Result<Self, Failure> {
+        let validation = match validation {
+            Some(dir) if dir.join(ENTRY).is_file() => dir.to_owned(),
+            Some(dir) => {
+                return Err(Failure::Usage {
+                    what: format!("not docktwin's validation directory: {}", dir.display()),
+                    remedy: format!("give the one that holds {ENTRY}"),
+                });
+            }
+            None => {
+                near(scenario).or_else(|| near(Path::new("."))).ok_or_else(|| Failure::Usage {
+                    what: "docktwin's directory `validation` is neither above the scenario nor \
+                           above here"
+                        .to_owned(),
+                    remedy: "name it: --validation DIR".to_owned(),
+                })?
+            }
+        };
+        let validation = std::path::absolute(&validation).unwrap_or(validation);
+        let root = validation.parent().unwrap_or(Path::new("")).to_owned();
+        let kept = root.join("target/venv-validation/bin/python");
+        let named = python
+            .map(Path::to_owned)
+            .or_else(|| std::env::var_os(PYTHON).filter(|v| !v.is_empty()).map(PathBuf::from));
+        let install = format!(
+            "install it:\n  python3 -m venv {venv}\n  {venv}/bin/pip install -r {requirements}\n\
+             or name a Python that has it: --python PATH, or {PYTHON} in the environment",
+            venv = root.join("target/venv-validation").display(),
+            requirements = validation.join("requirements.txt").display(),
+        );
+        let Some(python) = named.or_else(|| kept.is_file().then_some(kept)) else {
+            return Err(Failure::Usage {
+                what: "there is no Python with MuJoCo here".to_owned(),
+                remedy: install,
+            });
+        };
+        let asked = Command::new(&python)
+            .args(["-c", "import mujoco, numba, pyarrow"])
+            .stdin(Stdio::null())
+            .output();
+        let why = match asked {
+            Ok(o) if o.status.success() => return Ok(Self { python, validation }),
+            Ok(o) => {
+                let said = String::from_utf8_lossy(&o.stderr).trim().to_owned();
+                said.lines().last().unwrap_or("it failed without a word").to_owned()
+            }
+            Err(e) => e.to_string(),
+        };
+        Err(Failure::Usage {
+            what: format!("this Python has no MuJoCo for docktwin ({why}): {}", python.display()),
+            remedy: install,
+        })
+    }
+
+    /// Runs a recorded run once more. Its tables go to `tables`.
+    pub(super) fn run(&self, run: &Path, tables: &Path, step_ms: f64) -> Result<Told, Failure> {
+        let failed = |what: String| Failure::Usage {
+            what,
+            remedy: "docktwin's own run is written; what the second engine can run is in \
+                     validation/README.md"
+                .to_owned(),
+        };
+        let mut c = Command::new(&self.python);
+        c.args(["-m", "docktwin_mujoco"]).arg(run).arg(tables);
+        c.args(["--step-ms", &step_ms.to_string()]);
+        c.env("PYTHONPATH", self.validation.join("mujoco")).env("OMP_NUM_THREADS", "1");
+        if std::env::var_os("NUMBA_CACHE_DIR").is_none() {
+            // Compiled code is kept beside other things that are built.
+            let root = self.validation.parent().unwrap_or(&self.validation);
+            c.env("NUMBA_CACHE_DIR", root.join("target/numba"));
+        }
+        let o = c
+            .stdin(Stdio::null())
+            .output()
+            .map_err(|e| failed(format!("cannot start {}: {e}", self.python.display())))?;
+        if !o.status.success() {
+            let said = String::from_utf8_lossy(&o.stderr).trim().to_owned();
+            return Err(failed(format!("MuJoCo's side did not run ({}): {said}", o.status)));
+        }
+        serde_json::from_slice(&o.stdout)
+            .map_err(|e| failed(format!("MuJoCo's side gave no result that can be read: {e}")))
+    }
+}
+
+/// The directory `validation` at or above a path.
+fn near(path: &Path) -> Option<PathBuf> {
+    let path = std::path::absolute(path).ok()?;
+    path.ancestors().map(|d| d.join("validation")).find(|d| d.join(ENTRY).is_file())
+}
+
+type Table = BTreeMap<String, Vec<f64>>;
+
+/// Makes a run directory of the tables: docktwin's columns as far as MuJoCo knows them, places of
+/// contact, events, and a summary whose energies are not numbers.
+pub(super) fn record(
+    scenario: &Scenario,
+    told: &Told,
+    tables: &Path,
+    out: &Path,
+) -> Result<Summary, Failure> {
+    let path = tables.join(files::TABLE);
+    let table = read_table(&path)?;
+    let places = read_table(tables.join("contacts.parquet"))?;
+    let (known, absent): (Vec<Column>, Vec<Column>) =
+        columns().into_iter().partition(|c| table.contains_key(&c.name));
+    let absent: Vec<String> = absent.into_iter().map(|c| c.name).collect();
+    let mut metadata: BTreeMap<String, String> = [
+        ("tool", "docktwin".to_owned()),
+        ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("command", "validate crosscheck".to_owned()),
+        ("scenario", scenario.name.clone()),
+        ("twin", "mujoco".to_owned()),
+        ("engine", told.engine.clone()),
+        ("integrator", told.integrator.clone()),
+        ("step_s", told.step_s.to_string()),
+        ("tick_nanos", scenario.run.tick_nanos.to_string()),
+        ("columns_unknown_to_the_engine", absent.join(" ")),
+        ("started_unix_ns", jiff::Timestamp::now().as_nanosecond().to_string()),
+    ]
+    .map(|(k, v)| (k.to_owned(), v))
+    .into();
+    metadata.extend(digest_keys(&scenario.files).map(|(k, f)| (k, f.digest.to_string())));
+    let models = ModelCopies::read(scenario)?;
+    let pair_names = (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
+    let mut writer = RunWriter::create(out, known.clone(), pair_names, &metadata, Policy::Wait)?;
+    models.write(&writer)?;
+    writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
+
+    let rows = table.get("time_s").map_or(0, Vec::len);
+    let contacts = contact_rows(&places, &path)?;
+    let mut told_events = Events::default();
+    let mut row = Vec::with_capacity(known.len());
+    for n in 0..rows {
+        row.clear();
+        row.extend(known.iter().map(|c| {
+            let x = table[&c.name][n];
+            match c.kind {
+                ColumnKind::F64 => Cell::from(x),
+                ColumnKind::U64 => Cell::from(whole(x)),
+                ColumnKind::Bool => Cell::from(x > 0.5),
+            }
+        }));
+        let tick = Tick(n as u64);
+        let time = SimTime::of_tick(tick, scenario.run.tick_nanos);
+        let here = contacts.get(&tick.0).map_or(&[][..], Vec::as_slice);
+        let phases = [1, 2, 3]
+            .map(|i| table.get(&format!("latch_{i}_phase")).map_or(0, |column| whole(column[n])));
+        for e in told_events.at(tick, time, here, phases, told.capture_s) {
+            writer.event(&e)?;
+        }
+        writer.tick(tick, time, &row, here)?;
+    }
+    let last = Tick(rows.saturating_sub(1) as u64);
+    writer.event(&Event::new(
+        last,
+        SimTime::of_tick(last, scenario.run.tick_nanos),
+        "outcome",
+        format!("{}: {}", told.outcome, told.reason),
+        json!({ "outcome": told.outcome, "decided_s": told.decided_s }),
+    ))?;
+    let mut summary = summary(scenario, told);
+    summary.recording = Some(writer.finish(&summary)?);
+    Ok(summary)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts; a negative or absent one becomes 0"
+)]
+fn whole(x: f64) -> u64 {
+    x.round() as u64
+}
+
+/// Places of contact by tick.
+fn contact_rows(t: &Table, path: &Path) -> Result<BTreeMap<u64, Vec<ContactRow>>, Failure> {
+    let column = |name: &str| {
+        t.get(name).ok_or_else(|| RecordError::Absent {
+            what: format!("the column `{name}` of the contacts"),
+            path: path.to_owned(),
+        })
+    };
+    let vector = |name: &str, unit: &str| -> Result<Vec<DVec3>, RecordError> {
+        let [x, y, z] = ["x", "y", "z"].map(|a| column(&format!("{name}_{a}_{unit}")));
+        let (x, y, z) = (x?, y?, z?);
+        Ok((0..x.len()).map(|i| DVec3::new(x[i], y[i], z[i])).collect())
+    };
+    let (tick, pair, depth) = (column("tick")?, column("pair")?, column("depth_m")?);
+    let (point, normal, friction) =
+        (vector("point", "m")?, vector("normal_force", "n")?, vector("friction", "n")?);
+    let mut out: BTreeMap<u64, Vec<ContactRow>> = BTreeMap::new();
+    for i in 0..tick.len() {
+        out.entry(whole(tick[i])).or_default().push(ContactRow {
+            pair: u16::try_from(whole(pair[i])).unwrap_or(u16::MAX),
+            point_w_m: point[i],
+            normal_w: normal[i].normalize_or_zero(),
+            depth_m: depth[i],
+            normal_force_n: normal[i].length(),
+            friction_w_n: friction[i],
+        });
+    }
+    Ok(out)
+}
+
+/// Events as far as the tables tell them.
+#[derive(Default)]
+struct Events {
+    /// By pair: since when, last seen, s.
+    touching: BTreeMap<u16, (f64, f64)>,
+    phases: [u64; 3],
+    captured: bool,
+}
+
+impl Events {
+    fn at(
+        &mut self,
+        tick: Tick,
+        time: SimTime,
+        contacts: &[ContactRow],
+        phases: [u64; 3],
+        capture_s: Option<f64>,
+    ) -> Vec<Event> {
+        let t = time.seconds();
+        let mut out = Vec::new();
+        let mut tell = |kind: &str, text: String, body| {
+            out.push(Event::new(tick, time, kind, text, body));
+        };
+        let here: BTreeSet<u16> = contacts.iter().map(|c| c.pair).collect();
+        for pair in here {
+            self.touching.entry(pair).and_modify(|(_, last)| *last = t).or_insert_with(|| {
+                let name = SurfacePair::from_index(usize::from(pair)).to_string();
+                tell(
+                    "contact_begin",
+                    format!("t = {t:.3} s {name} touch"),
+                    json!({ "pair": name }),
+                );
+                (t, t)
+            });
+        }
+        self.touching.retain(|pair, (since, last)| {
+            let parted = t - *last > CONTACT_GAP_S;
+            if parted {
+                let name = SurfacePair::from_index(usize::from(*pair)).to_string();
+                let text = format!("t = {last:.3} s {name} part after {:.3} s", *last - *since);
+                tell(
+                    "contact_end",
+                    text,
+                    json!({ "pair": name, "since_s": *since, "until_s": *last }),
+                );
+            }
+            !parted
+        });
+        for (i, (seen, now)) in self.phases.iter_mut().zip(phases).enumerate() {
+            if *seen == now {
+                continue;
+            }
+            *seen = now;
+            let (kind, word) = match now {
+                0 => ("latch_free", "is free again"),
+                1 => ("latch_approach", "approaches its striker"),
+                2 => ("latch_strike", "is struck"),
+                _ => ("latched", "has caught"),
+            };
+            tell(kind, format!("t = {t:.3} s latch {} {word}", i + 1), json!({ "latch": i + 1 }));
+        }
+        if let (false, Some(at)) = (self.captured, capture_s.filter(|at| *at <= t)) {
+            self.captured = true;
+            let text = format!("t = {at:.3} s all three latches hold: the rings are joined");
+            tell("captured", text, json!({ "capture_s": at }));
+        }
+        out
+    }
+}
+
+fn summary(scenario: &Scenario, told: &Told) -> Summary {
+    let outcome = match told.outcome {
+        Outcome::Captured => ExpectedOutcome::Captured,
+        Outcome::Rebounded => ExpectedOutcome::Rebounded,
+        Outcome::Missed => ExpectedOutcome::Missed,
+        Outcome::Jammed => ExpectedOutcome::Jammed,
+        Outcome::LimitExceeded | Outcome::Stopped => ExpectedOutcome::LimitExceeded,
+    };
+    let failures = scenario.expect.failures(&Measured {
+        outcome,
+        first_contact_s: told.first_contact_s,
+        capture_s: told.capture_s,
+        peak_force_n: told.peak_force_n,
+        peak_moment_nm: told.peak_moment_nm,
+        peak_penetration_m: told.peak_penetration_m,
+        impulse_ns: told.impulse_ns,
+        exit_speed_m_s: None,
+    });
+    Summary {
+        schema_version: SUMMARY_SCHEMA,
+        tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+        scenario: scenario.name.clone(),
+        seed: 0,
+        state_digest: String::new(),
+        outcome: told.outcome,
+        verdict: if failures.is_empty() { Verdict::Pass } else { Verdict::Fail },
+        failure_reason: (!failures.is_empty()).then(|| failures.join("; ")),
+        first_contact_s: told.first_contact_s,
+        capture_s: told.capture_s,
+        latches_s: told.latches_s.clone(),
+        peak_force_n: told.peak_force_n,
+        peak_moment_nm: told.peak_moment_nm,
+        impulse_ns: told.impulse_ns,
+        peak_penetration_m: told.peak_penetration_m,
+        energy_in_j: f64::NAN,
+        energy_dissipated_j: f64::NAN,
+        energy_balance_error: f64::NAN,
+        momentum_error: f64::NAN,
+        duration_s: told.end_s,
+        ticks: told.ticks,
+        wall_s: told.wall_s,
+        realtime_factor: told.end_s / told.wall_s.max(1e-9),
+        step_us: StepUs::default(),
+        loop_: None,
+        fidelity: None,
+        safety: None,
+        recording: None,
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+mod tests {
+    use docktwin_record::RunReader;
+    use docktwin_scenario::load_scenario;
+
+    use super::*;
+
+    /// A table as the second engine leaves it, made by the recorder: a row a tick.
+    fn table(at: &Path, name: &str, columns: Vec<Column>, rows: &[Vec<Cell>]) {
+        let dir = at.join(format!("{name}.run"));
+        let none = BTreeMap::new();
+        let mut w = RunWriter::create(&dir, columns, Vec::new(), &none, Policy::Wait).unwrap();
+        for (n, row) in rows.iter().enumerate() {
+            let tick = Tick(n as u64);
+            w.tick(tick, SimTime::of_tick(tick, 1_000_000), row, &[]).unwrap();
+        }
+        drop(w);
+        std::fs::rename(dir.join(files::TABLE), at.join(name)).unwrap();
+    }
+
+    fn told() -> Told {
+        serde_json::from_value(json!({
+            "engine": "MuJoCo 4.0.0", "integrator": "RK4", "step_s": 2e-4, "outcome": "jammed",
+            "reason": "1 of 3", "decided_s": 0.09, "end_s": 0.09, "first_contact_s": 0.003,
+            "capture_s": null, "latches_s": [null, 0.05, null], "peak_force_n": 12.5,
+            "peak_moment_nm": 3.0, "peak_penetration_m": 1e-3, "impulse_ns": 0.25, "ticks": 90,
+            "wall_s": 1.0,
+        }))
+        .unwrap()
+    }
+
+    #[test]
+    fn invariant_tables_become_a_run_with_contacts_and_events() {
+        let at = tempfile::tempdir().unwrap();
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let scenario = load_scenario(&root.join("scenarios/apas_fast.toml"), &[]).unwrap();
+        let kept = ["chaser_position_x_m", "latch_2_phase", "contact_places"];
+        let known: Vec<Column> =
+            columns().into_iter().filter(|c| kept.contains(&c.name.as_str())).collect();
+        let rows: Vec<Vec<Cell>> = (0..91u32)
+            .map(|n| {
+                let cell = |c: &Column| match c.name.as_str() {
+                    "chaser_position_x_m" => Cell::from(0.1 * f64::from(n) - 7.3),
+                    "latch_2_phase" => Cell::from(if n < 50 { 0u64 } else { 3 }),
+                    _ => Cell::from(u64::from(n >= 3 && n < 10)),
+                };
+                known.iter().map(cell).collect()
+            })
+            .collect();
+        table(at.path(), files::TABLE, known.clone(), &rows);
+        // The recorder's own column counts ticks; contacts begin at tick 0 here.
+        let mut names = vec![Column::u64("/c", "pair")];
+        for (name, unit) in [("point", "m"), ("normal_force", "n"), ("friction", "n")] {
+            names.extend(["x", "y", "z"].map(|a| Column::f64("/c", format!("{name}_{a}_{unit}"))));
+        }
+        names.push(Column::f64("/c", "depth_m"));
+        let place = |pair: u64| -> Vec<Cell> {
+            let numbers = [1.0, 2.0, 3.0, 0.0, 4.0, 3.0, 0.5, 0.0, 0.0, 2e-4];
+            core::iter::once(Cell::from(pair)).chain(numbers.map(Cell::from)).collect()
+        };
+        table(at.path(), "contacts.parquet", names, &[place(0), place(0), place(5)]);
+
+        let out = at.path().join("run");
+        let s = record(&scenario, &told(), at.path(), &out).unwrap();
+        assert_eq!((s.outcome, s.verdict), (Outcome::Jammed, Verdict::Fail));
+        let mut r = RunReader::open(&out).unwrap();
+        assert_eq!(r.columns(), known);
+        assert_eq!(r.metadata()["twin"], "mujoco");
+        assert!(r.metadata()["columns_unknown_to_the_engine"].contains("energy_kinetic_j"));
+        let mut seen = 0;
+        while let Some(t) = r.next_tick().unwrap() {
+            assert_eq!(t.row, rows[seen], "tick {seen}");
+            assert_eq!(t.contacts.len(), usize::from(seen < 3));
+            if let [c] = t.contacts.as_slice() {
+                assert_eq!(c.pair, if seen < 2 { 0 } else { 5 });
+                assert!((c.normal_force_n - 5.0).abs() < 1e-15);
+                assert!((c.normal_w - DVec3::new(0.0, 0.8, 0.6)).length() < 1e-15);
+                assert!((c.friction_w_n.x - 0.5).abs() < 1e-15);
+            }
+            seen += 1;
+        }
+        assert_eq!(seen, 91);
+        let events: Vec<(u64, String)> =
+            r.events().unwrap().into_iter().map(|e| (e.tick, e.kind)).collect();
+        let named: Vec<(u64, &str)> = events.iter().map(|(t, k)| (*t, k.as_str())).collect();
+        let want = [
+            (0, "contact_begin"),
+            (2, "contact_begin"),
+            (22, "contact_end"),
+            (23, "contact_end"),
+            (50, "latched"),
+            (90, "outcome"),
+        ];
+        assert_eq!(named, want);
+    }
+}
