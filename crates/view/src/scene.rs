@@ -112,6 +112,11 @@ fn petal_edge(g: &PetalGeometry, i: u32) -> Vec<[f32; 3]> {
     base.chain(tip).chain([g.ruling(i, -1.0)[0]]).map(f32x3).collect()
 }
 
+/// Petals of a side that have a gap of their own in the frames: three at most.
+pub(crate) fn petal_count(side: &SideGeometry) -> usize {
+    side.petals.map_or(0, |p| p.count.min(3) as usize)
+}
+
 /// Short names of the petals, "A1" and "P1'", at their middles.
 fn log_petal_names(
     rec: &RecordingStream,
@@ -226,7 +231,7 @@ pub(crate) fn log_static(
         log_latch_lanes(rec, |path| path)?;
     }
     log_legend(rec, s, compared)?;
-    log_series(rec, |path| path.to_owned(), if compared { "A " } else { "" }, |c| c, 1.5)
+    log_series(rec, m, |path| path.to_owned(), if compared { "A " } else { "" }, |c| c, 1.5)
 }
 
 /// The same for the run behind the other one: its mechanism in grey, its curves paler.
@@ -240,7 +245,7 @@ pub(crate) fn log_ghost(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingS
     if m.latches.is_some() {
         log_latch_lanes(rec, |path| paths::of_ghost(&path))?;
     }
-    log_series(rec, at, "B ", style::ghostly, 1.0)
+    log_series(rec, m, at, "B ", style::ghostly, 1.0)
 }
 
 /// `X_4r4`.
@@ -316,6 +321,7 @@ fn log_legend(
 
 fn log_series(
     rec: &RecordingStream,
+    m: &DockingMechanism,
     at: impl Fn(&str) -> String,
     prefix: &str,
     shade: impl Fn(u32) -> u32,
@@ -350,8 +356,13 @@ fn log_series(
             style::ACTIVE,
         ],
     )?;
-    log(paths::GAP_ACTIVE, &["A1", "A2", "A3"], &style::ACTIVE_PETALS)?;
-    log(paths::GAP_PASSIVE, &["P1'", "P2'", "P3'"], &style::PASSIVE_PETALS)?;
+    let (a, p) = (petal_count(&m.active), petal_count(&m.passive));
+    if a > 0 {
+        log(paths::GAP_ACTIVE, &["A1", "A2", "A3"][..a], &style::ACTIVE_PETALS[..a])?;
+    }
+    if p > 0 {
+        log(paths::GAP_PASSIVE, &["P1'", "P2'", "P3'"][..p], &style::PASSIVE_PETALS[..p])?;
+    }
     log(
         paths::LATCH_GAP,
         &["latch 1", "latch 2", "latch 3"],

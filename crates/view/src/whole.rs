@@ -1,7 +1,8 @@
 use std::collections::BTreeMap;
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use rerun::external::re_log_encoding::DecoderApp;
+use rerun::external::re_log_encoding::{Decodable as _, DecoderApp, StreamFooter};
 use rerun::external::re_log_types::LogMsg;
 use rerun::log::Chunk;
 
@@ -16,17 +17,23 @@ fn each(path: &Path, mut look: impl FnMut(LogMsg) -> Result<(), String>) -> Resu
     Ok(())
 }
 
-/// Whether a recording is there, readable and closed: a writer that was killed leaves no table of
-/// contents at the end.
+/// Whether a recording is there, readable, and closed: one that was cut or whose writer was killed
+/// has no footer, though rerun would show what there is of it.
 #[must_use]
 pub fn is_whole(path: &Path) -> bool {
-    let mut some = false;
-    each(path, |_| {
-        some = true;
-        Ok(())
-    })
-    .is_ok()
-        && some
+    has_footer(path) && each(path, |_| Ok(())).is_ok()
+}
+
+fn has_footer(path: &Path) -> bool {
+    let footer = || -> std::io::Result<Vec<u8>> {
+        let mut file = std::fs::File::open(path)?;
+        let size = i64::try_from(StreamFooter::ENCODED_SIZE_BYTES).unwrap_or(i64::MAX);
+        file.seek(SeekFrom::End(-size))?;
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    footer().is_ok_and(|bytes| StreamFooter::from_rrd_bytes(&bytes).is_ok())
 }
 
 /// What a recording (not its blueprint) holds, entity by entity, as text: a row with its time in

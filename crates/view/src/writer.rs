@@ -188,6 +188,8 @@ pub struct SceneWriter {
     face: Eye,
     /// Largest radius of the guiding surfaces, m.
     reach: f64,
+    /// Petals of the active and the passive side.
+    petals: [usize; 2],
     shown_latches: Option<[u8; 3]>,
     summary: Summary,
     trace: Trace,
@@ -336,11 +338,11 @@ const CURVES: [&str; 12] = [
 ];
 
 /// Values of the plots, in the order of [`CURVES`].
-fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars) {
+fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars, petals: [usize; 2]) {
     let f = s.port_force_n;
     let e = &s.energy;
     let mm = |m: [f64; 3]| m.map(|g| 1e3 * g);
-    let (latches, petals) = (mm(s.latch_gap_m), s.petal_gap_m.map(mm));
+    let (latches, gaps) = (mm(s.latch_gap_m), s.petal_gap_m.map(mm));
     let energies = [
         e.kinetic_relative_j,
         e.stored_j,
@@ -359,11 +361,14 @@ fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars) {
         &s.ring_tilt_deg.to_array(),
         &energies,
         &latches,
-        &petals[0],
-        &petals[1],
+        &gaps[0][..petals[0]],
+        &gaps[1][..petals[1]],
     ];
     for (curve, v) in core::iter::zip(curves, values) {
-        curve.push(time, v);
+        // A side without petals has no gaps: no curve at all.
+        if !v.is_empty() {
+            curve.push(time, v);
+        }
     }
 }
 
@@ -469,6 +474,7 @@ impl SceneWriter {
             eye,
             face: Eye::face_on(m),
             reach: reach(m),
+            petals: [&m.active, &m.passive].map(scene::petal_count),
             shown_latches: None,
             summary: Summary { due: true, ..Summary::default() },
             trace: Trace::default(),
@@ -516,7 +522,7 @@ impl SceneWriter {
         self.contacts(time, f.contacts, &x_3w);
         self.loads(time, f.scalars);
         self.summarise(time, &x_3r, false);
-        push_curves(&mut self.rows.curves, time, f.scalars);
+        push_curves(&mut self.rows.curves, time, f.scalars, self.petals);
         self.frames += 1;
         if self.frames >= BATCH { self.send() } else { Ok(()) }
     }
