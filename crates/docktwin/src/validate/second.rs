@@ -432,7 +432,7 @@ mod tests {
                 let cell = |c: &Column| match c.name.as_str() {
                     "chaser_position_x_m" => Cell::from(0.1 * f64::from(n) - 7.3),
                     "latch_2_phase" => Cell::from(if n < 50 { 0u64 } else { 3 }),
-                    _ => Cell::from(u64::from(n >= 3 && n < 10)),
+                    _ => Cell::from(u64::from((3..10).contains(&n))),
                 };
                 known.iter().map(cell).collect()
             })
