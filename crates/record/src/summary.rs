@@ -174,7 +174,8 @@ pub struct RecordingSummary {
     pub log_bytes: u64,
     /// Size of `telemetry.parquet`, bytes.
     pub table_bytes: u64,
-    /// Why the recording ends before the run, in one line; `ticks` then counts those that are safe.
+    /// Why the recording ends before the run, in one line; `ticks` then counts those that are
+    /// safe, and at most one chunk more can be read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
