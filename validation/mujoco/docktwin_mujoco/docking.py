@@ -244,8 +244,12 @@ class FullDocking:
         done = seen = 0
         chunk = round(chunk_s / self.tick_s)
         ended = None
+        whole = mujoco.mjtState.mjSTATE_INTEGRATION
+        saved = np.empty(mujoco.mj_stateSize(self.model, whole))
         while ended is None:
-            n = min(chunk, ticks - done)
+            n, begun = min(chunk, ticks - done), done
+            mujoco.mj_getState(self.model, self.data, saved, whole)
+            memory = self.S.copy()
             # The row of a tick is written as its first step begins: one step more for the last.
             if n > 0:
                 self.advance(n * self.every)
@@ -261,6 +265,12 @@ class FullDocking:
                 ) or (monitor.captured is not None and now > monitor.captured + after_capture_s):
                     ended = i
                     break
+            if ended is not None and ended < done:
+                # Peaks and impulse are those up to the end, not up to the end of the chunk.
+                mujoco.mj_setState(self.model, self.data, saved, whole)
+                self.S[:] = memory
+                self.advance((ended - begun) * self.every)
+                self.S[k.PEAK_F] = max(self.S[k.PEAK_F], self.T[ended][k.FORCE_NOW])
             seen = upto
             if not np.isfinite(self.data.qpos).all():
                 raise FloatingPointError("the state is no longer finite: halve the step")
