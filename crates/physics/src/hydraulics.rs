@@ -14,8 +14,8 @@
 //! force that the leg pushes with. The spool is a fraction of full stroke.
 //!
 //! The oil is a spring whose deflection is the oil let in minus the piston's way. A step therefore
-//! calls [`LegState::compress`] with the piston's exact way wherever it drifts, and
-//! [`LegState::flow`] for what passes the valve. With a leapfrog around it (drift, half flow, kick,
+//! calls [`Leg::compress`] with the piston's exact way wherever it drifts, and
+//! [`Leg::flow`] for what passes the valve. With a leapfrog around it (drift, half flow, kick,
 //! half flow, drift) the step is symplectic when nothing leaks, and of second order when it does.
 
 use docktwin_core::StateHasher;
