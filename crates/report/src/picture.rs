@@ -241,6 +241,8 @@ fn names(
     look: Look,
 ) -> Vec<[f64; 2]> {
     let mut taken = Vec::new();
+    // Far apart, the rings are too small for names.
+    let readable = camera.scale * g.mechanism.active.ring.mean_radius_m > 60.0;
     let m = &g.mechanism;
     let in3 = |x: &Pose, p: DVec3| poses.x_w3.inverse_transform_point(x.transform_point(p));
     if look == Look::Axis {
@@ -250,7 +252,7 @@ fn names(
     for (side, x, letter, class) in
         [(&m.active, &poses.x_wr, 'A', "ta"), (&m.passive, &poses.x_wp, 'P', "tp")]
     {
-        let Some(petals) = &side.petals else { continue };
+        let Some(petals) = side.petals.as_ref().filter(|_| readable) else { continue };
         for i in 0..petals.count {
             let [base, tip] = petals.ruling(i, 0.0);
             let at = camera.at(in3(x, base.lerp(tip, 0.72)));
@@ -265,7 +267,7 @@ fn names(
             );
         }
     }
-    if let Some(latches) = &m.latches {
+    if let Some(latches) = m.latches.as_ref().filter(|_| readable) {
         for (i, a) in latches.azimuths_rad.iter().enumerate() {
             let ring = &m.active.ring;
             let p = DVec3::new(
