@@ -16,6 +16,8 @@ use crate::{ViewError, blueprint, paths, scene};
 const APPLICATION: &str = "docktwin";
 /// Frames sent together; more is cheaper, fewer lose less when the process dies.
 const BATCH: usize = 256;
+/// How long the last frames may take to their file.
+const FLUSH_LIMIT: core::time::Duration = core::time::Duration::from_secs(60);
 /// Points of the trace closer than this, m, are one.
 const TRACE_CELL_M: f64 = 0.006;
 /// Points of the trace in one entity: a new point repeats at most so many.
@@ -563,9 +565,13 @@ impl SceneWriter {
         let x_3r = self.x_3r;
         self.summarise(self.last, &x_3r, true);
         self.send()?;
-        self.rec
-            .flush_blocking()
-            .map_err(|e| ViewError::Write { path: self.path.clone(), message: e.to_string() })?;
+        if let Err(e) = self.rec.flush_with_timeout(FLUSH_LIMIT) {
+            let error = ViewError::Write { path: self.path.clone(), message: e.to_string() };
+            // When its file writer dies of a full disk, rerun 0.36.3 may wait for it for ever, and
+            // dropping the stream would wait for that: it is left to the end of the process.
+            core::mem::forget(self);
+            return Err(error);
+        }
         if self.part == Part::Ghost {
             return Ok(());
         }
