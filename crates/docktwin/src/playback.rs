@@ -12,8 +12,12 @@ use docktwin_record::{Cell, Column, ContactRow, RecordError, RunReader, TickReco
 use docktwin_scenario::Scenario;
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
 
-/// Ticks between two frames; a tick with an event has one too.
-pub const FRAME_TICKS: u64 = 10;
+/// Between two frames while surfaces touch or something happens, and for [`SETTLING_NS`] after, ns.
+const LIVELY_NS: u64 = 10_000_000;
+/// Between two frames otherwise, ns: a coasting spacecraft is well drawn twenty times a second.
+const QUIET_NS: u64 = 50_000_000;
+/// How long a scene counts as lively after the last touch or event, ns: the ring swings back.
+const SETTLING_NS: u64 = 300_000_000;
 
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 
@@ -125,6 +129,32 @@ pub struct Playback {
     strikers: Option<[DVec3; 3]>,
     cells: Cells,
     arrows: Vec<ContactArrow>,
+    pace: Pace,
+}
+
+/// Decides which ticks become frames: many only where there is something to see, because frames are
+/// the largest part of what a recording costs the run.
+#[derive(Default)]
+struct Pace {
+    last_frame: Option<SimTime>,
+    /// Caught latches push for the rest of the run, so they do not count.
+    last_lively: Option<SimTime>,
+}
+
+impl Pace {
+    fn drawn(&mut self, time: SimTime, touching: bool, due: bool) -> bool {
+        let now = time.nanos();
+        if touching || due {
+            self.last_lively = Some(time);
+        }
+        let lively = self.last_lively.is_some_and(|t| now - t.nanos() <= SETTLING_NS);
+        let interval = if lively { LIVELY_NS } else { QUIET_NS };
+        let drawn = due || self.last_frame.is_none_or(|t| now / interval != t.nanos() / interval);
+        if drawn {
+            self.last_frame = Some(time);
+        }
+        drawn
+    }
 }
 
 impl Playback {
@@ -148,10 +178,12 @@ impl Playback {
             strikers,
             cells: Cells::find(columns)?,
             arrows: Vec::new(),
+            pace: Pace::default(),
         })
     }
 
-    /// Hands one tick over: as a frame when `drawn`, otherwise for its peaks alone.
+    /// Hands one tick over, in the order of time: as a frame when it is `due` (it has an event, or is
+    /// the last) or when it is time for one, otherwise for its peaks alone.
     ///
     /// # Errors
     /// What [`SceneWriter::frame`] refuses.
@@ -161,7 +193,7 @@ impl Playback {
         time: SimTime,
         row: &[Cell],
         contacts: &[ContactRow],
-        drawn: bool,
+        due: bool,
     ) -> Result<(), ViewError> {
         let c = &self.cells;
         let number = |i: usize| row[i].as_f64();
@@ -196,6 +228,7 @@ impl Playback {
                 }
             }
         }
+        let drawn = self.pace.drawn(time, !contacts.is_empty(), due);
         let [kinetic, stored, friction, contact, joint, capture, attenuator] =
             c.energy.map(|i| i.map_or(f64::NAN, number));
         let between = Wrench { f: vector(c.port4[0]), m: vector(c.port4[1]) }
@@ -272,10 +305,8 @@ pub fn play(
     loop {
         let next = reader.next_tick()?.filter(|t| within(t.time));
         if let Some(t) = &held {
-            let drawn = next.is_none()
-                || t.tick.0.is_multiple_of(FRAME_TICKS)
-                || with_event.contains(&t.tick.0);
-            playback.show(view, t.time, &t.row, &t.contacts, drawn)?;
+            let due = next.is_none() || with_event.contains(&t.tick.0);
+            playback.show(view, t.time, &t.row, &t.contacts, due)?;
         }
         if next.is_none() {
             return Ok(held.map(|t| t.time));

@@ -27,7 +27,7 @@ use hdrhistogram::Histogram;
 use serde_json::json;
 
 use docktwin::{
-    playback::{self, FRAME_TICKS, Playback},
+    playback::{self, Playback},
     setup::{
         FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, thrust_ahead,
         tick_digest,
@@ -189,8 +189,8 @@ impl Setup<'_> {
                     writer.tick(Tick(tick), time, &run.row, &run.contacts).err().map(Failure::from);
             }
             if let Some((v, playback)) = &mut view {
-                let drawn = tick.is_multiple_of(FRAME_TICKS) || run.frame_due || last;
-                playback.show(v, time, &run.row, &run.contacts, drawn)?;
+                let due = run.frame_due || last;
+                playback.show(v, time, &run.row, &run.contacts, due)?;
                 run.frame_due = false;
             }
             if last {
@@ -319,7 +319,7 @@ impl Run {
             latches: [LatchPhase::Free; 3],
             captured: false,
             thrust: [false; 2],
-            frame_due: true,
+            frame_due: false,
             limit_told: false,
             chain: StateHasher::new(),
             histogram,

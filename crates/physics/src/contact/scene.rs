@@ -148,6 +148,43 @@ impl Petal {
             at(g.height_m, g.tip_radius_m, g.tip_half_angle_rad),
         )
     }
+
+    /// How the point at `s` of a ruling moves with the ruling's parameter, m.
+    fn sweep(&self, ruling: &Segment, s: f64) -> DVec3 {
+        let g = &self.geometry;
+        let turn = |p: DVec3, half: f64| DVec3::new(0.0, -p.z, p.y) * half;
+        turn(ruling.a, g.base_half_angle_rad) * (1.0 - s)
+            + turn(ruling.at(1.0), g.tip_half_angle_rad) * s
+    }
+}
+
+/// Where in a range a function is highest, from its slope at both ends and anywhere: regula falsi
+/// (Illinois), which copes with the kinks where the deepest point comes to a petal's edge. Starts at
+/// `u`; to a relative 1e-4 of the range, where the function itself is right to 1e-8 of its change.
+fn top(u: f64, range: [(f64, f64); 2], slope: impl Fn(f64) -> f64) -> f64 {
+    let [mut low, mut high] = range;
+    // Rising or falling all along: the end.
+    if low.1 <= 0.0 || high.1 >= 0.0 {
+        return if low.1 <= 0.0 { low.0 } else { high.0 };
+    }
+    let close = 1e-4 * (high.0 - low.0);
+    let mut next = if u > low.0 && u < high.0 { u } else { 0.5 * (low.0 + high.0) };
+    let mut rose = None;
+    for _ in 0..12 {
+        let now = (next, slope(next));
+        let rises = now.1 > 0.0;
+        let (end, other) = if rises { (&mut low, &mut high) } else { (&mut high, &mut low) };
+        *end = now;
+        // The same end twice: the other one holds the chord up.
+        if rose.replace(rises) == Some(rises) {
+            other.1 *= 0.5;
+        }
+        next = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
+        if (next - now.0).abs() < close {
+            break;
+        }
+    }
+    next
 }
 
 /// Sine and cosine by their series, to rounding for |x| ≤ 0.7; the library's beyond.
@@ -561,26 +598,33 @@ impl Scene {
             let dist = gap.length();
             if crossed(gap, dist, before) { -dist } else { dist }
         };
+        let look = |seg: &Segment| {
+            let (s, p, q) = segment_circle(seg, circle);
+            let dist = signed(p, q);
+            // The distance is stationary along the ruling and around the ring, so the depth grows
+            // with u as the ruling's own point moves towards the ring. Times the distance, which
+            // leaves zeros where they are.
+            let slope = petal.sweep(seg, s).dot(q - p) * dist.signum();
+            ((s, p, q, dist), slope)
+        };
         const N: usize = 2 * RING_INTERVALS + 1;
         let mut d = [f64::NEG_INFINITY; N];
+        let mut slopes = [0.0; N];
         let mut deepest = f64::NEG_INFINITY;
         // Nodes first: most petals are far from the ring, and rulings half an interval apart are
         // at most this far from each other.
         let step = (petal.fine[0].a - petal.fine[1].a).length();
-        for i in (0..N).step_by(2) {
-            let (_, p, q) = segment_circle(&petal.fine[i], circle);
-            d[i] = sum - signed(p, q);
-            deepest = deepest.max(d[i]);
-        }
-        let far = -step - self.soft_reach - deepest;
-        if far > 0.0 {
-            out.clearance[pair] = far;
-            return;
-        }
-        for i in (1..N).step_by(2) {
-            let (_, p, q) = segment_circle(&petal.fine[i], circle);
-            d[i] = sum - signed(p, q);
-            deepest = deepest.max(d[i]);
+        for start in [0, 1] {
+            for i in (start..N).step_by(2) {
+                let ((.., dist), slope) = look(&petal.fine[i]);
+                (d[i], slopes[i]) = (sum - dist, slope);
+                deepest = deepest.max(d[i]);
+            }
+            let far = -step - self.soft_reach - deepest;
+            if start == 0 && far > 0.0 {
+                out.clearance[pair] = far;
+                return;
+            }
         }
         let mut samples = [Sample::NONE; RING_INTERVALS];
         let width = 1.0 / RING_INTERVALS as f64;
@@ -588,14 +632,22 @@ impl Scene {
         for (i, sample) in samples.iter_mut().enumerate() {
             let (t, guess) = parabola_peak(d[2 * i], d[2 * i + 1], d[2 * i + 2]);
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
-            let u = -1.0 + (2 * i + 1) as f64 * width + t * width;
+            let mid = -1.0 + (2 * i + 1) as f64 * width;
+            let mut u = mid + t * width;
             if guess < deepest - 40.0 * self.law.merge_depth_m && guess < -1e-3 - self.soft_reach {
                 *sample = Sample { u, depth: guess, ..Sample::NONE };
                 continue;
             }
+            if guess > deepest - 10.0 * self.law.merge_depth_m {
+                // A parabola through nodes this far apart misses a narrow peak by micrometres.
+                let half = if slopes[2 * i + 1] > 0.0 { 2 * i + 1 } else { 2 * i };
+                let from = if half == 2 * i { mid - width } else { mid };
+                u = top(u, [(from, slopes[half]), (from + width, slopes[half + 1])], |u| {
+                    look(&petal.ruling(u)).1
+                });
+            }
             let seg = petal.ruling(u);
-            let (s, p, q) = segment_circle(&seg, circle);
-            let dist = signed(p, q);
+            let ((s, p, q, dist), _) = look(&seg);
             let gap = q - p;
             let n = if gap.length() < 1e-4 && before != DVec3::ZERO { before } else { gap / dist };
             let depth = sum - dist;
@@ -707,7 +759,7 @@ impl Scene {
                 // nearer than they reach.
                 if best - before_round < 1e-6 {
                     h *= 0.4;
-                    if h < 2e-3 {
+                    if h < 5e-4 {
                         break;
                     }
                 }
