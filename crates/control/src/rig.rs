@@ -9,7 +9,7 @@ use docktwin_model::{HydraulicPreset, Rig};
 use docktwin_physics::{
     hydraulics::LegParameters,
     platform::Platform,
-    rig::{PerturbedRig, ReducedRig, RigFault, RigState},
+    rig::{PerturbedRig, ReducedRig, RigFault, RigPlant, RigState},
 };
 
 use crate::{
@@ -20,7 +20,7 @@ use crate::{
 /// Time of a tick, s.
 pub const TICK_S: f64 = 1e-3;
 /// Steps of the plant in a tick: 0.125 ms, an eighth of the period of the fastest mode's radian.
-const PLANT_STEPS: u32 = 8;
+pub const PLANT_STEPS: u32 = 8;
 /// Commands that are on the way or in use; dead times up to this many ticks less two.
 const KEPT: usize = 12;
 
@@ -141,8 +141,8 @@ impl CommandPath {
 
 /// A rig that runs: plant, controllers and command path.
 #[derive(Clone, Debug)]
-pub struct ClosedRig {
-    plant: ReducedRig,
+pub struct ClosedRig<P = ReducedRig> {
+    plant: P,
     controllers: [LegController; 6],
     valve_delay_s: f64,
     samples: u32,
@@ -152,12 +152,24 @@ pub struct ClosedRig {
 }
 
 impl ClosedRig {
-    /// A rig at rest at `x_bp`, as it is after holding there for long: the oil carries the weight and
-    /// controllers are quiet.
+    /// The reduced rig of a setup, as [`ClosedRig::with_plant`].
     ///
     /// # Errors
     /// See [`SetupError`].
     pub fn new(setup: &RigSetup, x_bp: &Pose) -> Result<Self, SetupError> {
+        let step_s = TICK_S / f64::from(PLANT_STEPS);
+        Self::with_plant(ReducedRig::new(setup.platform.clone(), &setup.legs, step_s), setup, x_bp)
+    }
+}
+
+impl<P: RigPlant> ClosedRig<P> {
+    /// A rig at rest at `x_bp`, as it is after holding there for long: the oil carries the weight and
+    /// controllers are quiet. The plant has the legs of the setup and makes [`PLANT_STEPS`] steps a
+    /// tick.
+    ///
+    /// # Errors
+    /// See [`SetupError`].
+    pub fn with_plant(mut plant: P, setup: &RigSetup, x_bp: &Pose) -> Result<Self, SetupError> {
         let rate_hz = setup.tuning.rate_hz;
         let samples = [1, 2, 4, 8]
             .into_iter()
@@ -167,9 +179,7 @@ impl ClosedRig {
         if !(0.0..=0.010).contains(&dead_time_s) {
             return Err(SetupError::DeadTime { dead_time_s });
         }
-        let plant =
-            ReducedRig::new(setup.platform.clone(), &setup.legs, TICK_S / f64::from(PLANT_STEPS));
-        let state = plant.at_rest(x_bp, &Wrench::ZERO).map_err(|_| SetupError::Start)?;
+        let state = plant.rest(x_bp, &Wrench::ZERO).map_err(|_| SetupError::Start)?;
         let mut legs = [LegCommand::default(); 6];
         for (i, leg) in legs.iter_mut().enumerate() {
             leg.length_m = state.length_m[i];
@@ -190,7 +200,7 @@ impl ClosedRig {
 
     /// The plant.
     #[must_use]
-    pub const fn plant(&self) -> &ReducedRig {
+    pub const fn plant(&self) -> &P {
         &self.plant
     }
 
@@ -236,7 +246,7 @@ impl ClosedRig {
                 *valve = controller.step(&target, &measured);
             }
             for _ in 0..steps {
-                self.plant.step(&mut self.state, &self.valves, &mut external)?;
+                self.plant.advance(&mut self.state, &self.valves, &mut external)?;
             }
         }
         Ok(self.measure())

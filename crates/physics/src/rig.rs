@@ -1,5 +1,7 @@
-//! The reduced rig: the plate with its six legs as rigid bodies ([`crate::platform`]), moved by six
-//! hydraulic legs ([`crate::hydraulics`]). No constraint solver, no controller.
+//! The rig without its controllers. [`RigPlant`] says what every form of it can do; [`ReducedRig`] is
+//! the plate with its six legs as rigid bodies ([`crate::platform`]), moved by six hydraulic legs
+//! ([`crate::hydraulics`]), without a constraint solver. The other form, every part of a leg a body of
+//! its own, stands in `docktwin-twin`.
 //!
 //! A step is the leapfrog of [`crate::hydraulics`] in six degrees of freedom: the plate drifts for
 //! half a step, the oil follows the legs' exact lengths, half of the flow passes the valves, one kick
@@ -15,6 +17,59 @@ use crate::{
 
 /// Stream of the draws that belong to the whole rig; legs have 0 to 5.
 const RIG_STREAM: u64 = 6;
+
+/// A form of the rig: mechanics and hydraulics, no controller.
+pub trait RigPlant {
+    /// Kinematics and rigid dynamics.
+    fn platform(&self) -> &Platform;
+
+    /// Puts the rig to rest, as [`ReducedRig::at_rest`].
+    ///
+    /// # Errors
+    /// The pose is singular.
+    fn rest(&mut self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault>;
+
+    /// One step, as [`ReducedRig::step`], from the state that the step before or
+    /// [`RigPlant::rest`] left in `s`.
+    ///
+    /// # Errors
+    /// The state cannot be continued.
+    fn advance(
+        &mut self,
+        s: &mut RigState,
+        commands: &[f64; 6],
+        external: impl FnMut(&Pose, &Twist) -> Wrench,
+    ) -> Result<(), RigFault>;
+}
+
+impl RigPlant for ReducedRig {
+    fn platform(&self) -> &Platform {
+        &self.platform
+    }
+
+    fn rest(&mut self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault> {
+        self.at_rest(x_bp, external)
+    }
+
+    fn advance(
+        &mut self,
+        s: &mut RigState,
+        commands: &[f64; 6],
+        external: impl FnMut(&Pose, &Twist) -> Wrench,
+    ) -> Result<(), RigFault> {
+        self.step(s, commands, external)
+    }
+}
+
+/// Brings oil and seals of all legs along while their lengths change to `length_m` within `time_s`.
+pub fn follow_lengths(legs: &[Leg; 6], s: &mut RigState, length_m: [f64; 6], time_s: f64) {
+    for (i, leg) in legs.iter().enumerate() {
+        let way = length_m[i] - s.length_m[i];
+        leg.compress(&mut s.legs[i], way);
+        leg.slide(&mut s.legs[i], way / time_s, time_s);
+    }
+    s.length_m = length_m;
+}
 
 /// The rig as built: everything that does not change while it moves.
 #[derive(Clone, Debug)]
@@ -114,12 +169,7 @@ impl ReducedRig {
     fn drift(&self, s: &mut RigState, time_s: f64) -> crate::platform::Configuration {
         s.x_bp = Platform::moved(&s.x_bp, &s.twist, time_s);
         let c = self.platform.at(&s.x_bp);
-        for (i, leg) in self.legs.iter().enumerate() {
-            let way = c.length_m[i] - s.length_m[i];
-            leg.compress(&mut s.legs[i], way);
-            leg.slide(&mut s.legs[i], way / time_s, time_s);
-        }
-        s.length_m = c.length_m;
+        follow_lengths(&self.legs, s, c.length_m, time_s);
         c
     }
 

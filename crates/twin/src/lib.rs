@@ -10,6 +10,8 @@
 //! the scheme is of second order, like the reduced twin's. [`FullTwin::state`] brings both to one
 //! instant.
 
+pub mod rig;
+
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_physics::{
     body::BodyState,
@@ -37,12 +39,12 @@ pub struct FullSnapshot {
     memory: DockingState,
 }
 
-/// Mass properties for rapier.
+/// Mass properties for rapier, inertia about the mass centre in the axes of the body.
 ///
 /// Not `MassProperties::with_inertia_matrix`: its closed-form eigenvectors are wrong where two
 /// principal moments are equal, as in every body of revolution (parry 0.31.1: diag(12.7, 6.4, 6.4)
 /// comes back with the large moment about another axis).
-fn mass_properties(mass: f64, inertia: DMat3) -> MassProperties {
+pub(crate) fn mass_properties(mass: f64, com: DVec3, inertia: DMat3) -> MassProperties {
     let m = nalgebra::Matrix3::from_column_slice(&inertia.to_cols_array());
     let eigen = m.symmetric_eigen();
     let axis = |i: usize| {
@@ -53,7 +55,7 @@ fn mass_properties(mass: f64, inertia: DMat3) -> MassProperties {
     let (x, y) = (axis(0), axis(1));
     let frame = DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y))).normalize();
     let principal = Vector::new(eigen.eigenvalues[0], eigen.eigenvalues[1], eigen.eigenvalues[2]);
-    MassProperties::with_principal_inertia_frame(Vector::ZERO, mass, principal, frame)
+    MassProperties::with_principal_inertia_frame(com, mass, principal, frame)
 }
 
 impl FullTwin {
@@ -75,8 +77,11 @@ impl FullTwin {
             let builder = if system.rigid() && i == RING {
                 RigidBodyBuilder::kinematic_position_based()
             } else {
-                RigidBodyBuilder::dynamic()
-                    .additional_mass_properties(mass_properties(m.mass(), m.inertia()))
+                RigidBodyBuilder::dynamic().additional_mass_properties(mass_properties(
+                    m.mass(),
+                    DVec3::ZERO,
+                    m.inertia(),
+                ))
             };
             world.bodies.insert(
                 builder
@@ -224,7 +229,7 @@ mod tests {
                 DVec3::new(-0.2, 0.3, 7.0),
             ),
         ] {
-            let back = mass_properties(2.0, inertia).reconstruct_inertia_matrix();
+            let back = mass_properties(2.0, DVec3::ZERO, inertia).reconstruct_inertia_matrix();
             assert!(
                 (back - inertia).abs_diff_eq(DMat3::ZERO, 1e-12),
                 "{inertia} came back as {back}"
