@@ -3,8 +3,8 @@ loops closed by `connect` at the rod ends, gravity. No reduction of any kind.
 
 MuJoCo's equalities are springs in acceleration: left to themselves, violations die out with the time
 constant of `solref`, and a share 1 - d (`solimp`) of the acceleration that would tear the loop open
-remains. With a time constant of two steps, MuJoCo's least, the loop error is of the order
-(1 - d) a tau^2 and falls with the square of the step.
+remains. With a time constant tied to the step the loop error is of the order (1 - d) a tau^2 and
+falls with the square of the step, whatever the order of the integrator.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from .rig import Part, Rig, derivatives, leg_joints, plate_pose, trajectory, vee
+from .rig import Part, Rig, derivatives, leg_joints, plate_pose, rotation, trajectory, vee
 from .scene import _inertial, _numbers
 
 # For derivatives of the trajectory, s: rounding and truncation both below 1e-9.
@@ -32,18 +32,22 @@ class Settings:
     tolerance: float = 1e-10
     jacobian: str = "dense"
     time_constant_steps: float = 2.0
-    """Of the equality constraints, in steps; MuJoCo itself allows no less than 2."""
+    """Of the equality constraints, in steps; below 2 MuJoCo's own safeguard is switched off."""
     impedance: float = 0.9999
     """d of `solimp`, MuJoCo's largest."""
+    plate_on_leg: bool = False
+    """The plate hangs on the first rod by a ball joint: one loop less to close, and cheaper."""
 
     def option(self, gravity) -> str:
         """As MJCF; nothing here collides, is limited or rubs."""
+        safe = "enable" if self.time_constant_steps >= 2.0 else "disable"
         return (
             f'<option timestep="{self.timestep_s!r}" integrator="{self.integrator}" '
             f'solver="{self.solver}" iterations="{self.iterations}" '
             f'tolerance="{self.tolerance!r}" jacobian="{self.jacobian}" '
             f'gravity="{_numbers(gravity)}">'
-            '<flag contact="disable" limit="disable" frictionloss="disable"/></option>'
+            f'<flag contact="disable" limit="disable" frictionloss="disable" refsafe="{safe}"/>'
+            "</option>"
         )
 
 
@@ -66,22 +70,32 @@ def mjcf(rig: Rig, settings: Settings, spring_n_m: float = 0.0, spring_zero_m=np
     tau = settings.time_constant_steps * settings.timestep_s
     d = settings.impedance
     soft = f'solref="{tau!r} 1" solimp="{d!r} {d!r} 0.001 0.5 2"'
-    legs = sites = loops = ""
+    r, p = plate_pose(rig, np.zeros(6))
+    sites = "".join(
+        f'<site name="plate_{i}" pos="{_numbers(leg.plate_joint_m)}"/>'
+        for i, leg in enumerate(rig.legs)
+    )
+    legs = loops = plate = ""
+    if not settings.plate_on_leg:
+        plate = _body("plate", rig.plate, '<freejoint name="plate"/>', sites, p, _quat(r))
     for i, leg in enumerate(rig.legs):
         slide = (
             f'<joint name="stroke_{i}" type="slide" axis="1 0 0" stiffness="{spring_n_m!r}" '
             f'springref="{float(spring_zero_m[i])!r}"/>'
         )
-        rod = _body(f"rod_{i}", leg.rod, slide, f'<site name="rod_{i}"/>',
-                    pos=[leg.middle_length_m, 0.0, 0.0])
+        end = f'<site name="rod_{i}"/>'
+        if settings.plate_on_leg and i == 0:
+            ball = f'<joint name="plate" type="ball" pos="{_numbers(leg.plate_joint_m)}"/>'
+            r_rod_plate = leg.r_b_leg.T @ r
+            end += _body("plate", rig.plate, ball, sites, -r_rod_plate @ leg.plate_joint_m,
+                         _quat(r_rod_plate))
+        else:
+            loops += f'<connect site1="rod_{i}" site2="plate_{i}" {soft}/>'
+        rod = _body(f"rod_{i}", leg.rod, slide, end, pos=[leg.middle_length_m, 0.0, 0.0])
         cylinder = _body(f"cylinder_{i}", leg.cylinder,
                          f'<joint name="tilt_{i}" type="hinge" axis="0 1 0"/>', rod)
         legs += _body(f"cross_{i}", leg.cross, f'<joint name="swing_{i}" type="hinge" axis="0 0 1"/>',
                       cylinder, leg.base_joint_m, _quat(leg.r_b_leg))
-        sites += f'<site name="plate_{i}" pos="{_numbers(leg.plate_joint_m)}"/>'
-        loops += f'<connect site1="rod_{i}" site2="plate_{i}" {soft}/>'
-    r, p = plate_pose(rig, np.zeros(6))
-    plate = _body("plate", rig.plate, '<freejoint name="plate"/>', sites, p, _quat(r))
     return (
         '<mujoco><compiler angle="radian" balanceinertia="false" boundmass="0" boundinertia="0"/>'
         f"{settings.option(rig.gravity_m_s2)}<worldbody>{legs}{plate}</worldbody>"
@@ -94,7 +108,7 @@ class Platform:
 
     def __init__(self, rig: Rig, settings: Settings, spring_n_m: float = 0.0,
                  spring_zero_m=np.zeros(6)) -> None:
-        self.rig = rig
+        self.rig, self._on_leg = rig, settings.plate_on_leg
         text = mjcf(rig, settings, spring_n_m, spring_zero_m)
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
@@ -113,16 +127,27 @@ class Platform:
         """Plate and legs at rest at a pose."""
         d = self.data
         mujoco.mj_resetData(self.model, d)
-        d.qpos[self._q : self._q + 3] = p_bp
-        d.qpos[self._q + 3 : self._q + 7] = _quat(r_bp)
-        d.qpos[self._leg_q] = leg_joints(self.rig, r_bp, p_bp)[0]
+        joints = leg_joints(self.rig, r_bp, p_bp)[0]
+        d.qpos[self._leg_q] = joints
+        if self._on_leg:
+            # Turned against the rod, from the middle.
+            swing, tilt, _ = joints[0]
+            r_b_leg = self.rig.legs[0].r_b_leg
+            r_b_rod = r_b_leg @ rotation(2, swing) @ rotation(1, tilt)
+            middle, _ = plate_pose(self.rig, np.zeros(6))
+            d.qpos[self._q : self._q + 4] = _quat((r_b_rod @ r_b_leg.T @ middle).T @ r_bp)
+        else:
+            d.qpos[self._q : self._q + 3] = p_bp
+            d.qpos[self._q + 3 : self._q + 7] = _quat(r_bp)
 
     def pose(self) -> np.ndarray:
         """Plate in the ground: x, y, z (m), then w, x, y, z."""
-        return self.data.qpos[self._q : self._q + 7].copy()
+        mujoco.mj_kinematics(self.model, self.data)
+        plate = self.data.body("plate")
+        return np.concatenate([plate.xpos, plate.xquat])
 
     def loop_error_m(self) -> float:
-        """Largest distance of a rod end from its joint, at the last evaluated state."""
+        """Largest distance of a rod end from its joint."""
         mujoco.mj_kinematics(self.model, self.data)
         ends = [
             self.data.site(f"rod_{i}").xpos - self.data.site(f"plate_{i}").xpos for i in range(6)
@@ -130,8 +155,8 @@ class Platform:
         return float(np.linalg.norm(ends, axis=1).max())
 
     def leg_forces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Leg forces (6), N, for the position, velocity and acceleration in `data`, and the singular
-        values of what they were solved from.
+        """Leg forces (6), N, for the position, velocity and acceleration in `data` (the plate a free
+        body), and the singular values of what they were solved from.
 
         `mj_inverse` of the open tree gives the generalised force of every joint. With the loops closed
         only strokes push and the 18 forces of the rod ends hold the rest: as many unknowns as degrees
@@ -151,7 +176,7 @@ class Platform:
         return solution[:6], singular
 
     def move(self, time_s: float) -> None:
-        """State and acceleration of the trajectory at an instant."""
+        """State and acceleration of the trajectory at an instant, the plate a free body."""
         def along(t):
             return plate_pose(self.rig, trajectory(t))
 
