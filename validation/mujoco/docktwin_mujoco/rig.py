@@ -72,7 +72,8 @@ class Rig:
             return Part(factor * part.mass_kg, part.com_m, factor * part.inertia_kg_m2)
 
         legs = tuple(
-            dataclasses.replace(leg, **{n: scaled(getattr(leg, n)) for n in ("cross", "cylinder", "rod")})
+            dataclasses.replace(leg, cross=scaled(leg.cross), cylinder=scaled(leg.cylinder),
+                                rod=scaled(leg.rod))
             for leg in self.legs
         )
         return dataclasses.replace(self, legs=legs)
@@ -90,7 +91,7 @@ def _lump(parts) -> Part:
     return Part(mass, com, inertia)
 
 
-def _numbers(text: str) -> np.ndarray:
+def _vector(text: str) -> np.ndarray:
     return np.array([float(x) for x in text.split()])
 
 
@@ -106,7 +107,7 @@ def _leg(path: Path, robot, links: dict, closure: dict) -> Leg:
         (swing, "revolute", [0, 0, 1]), (tilt, "revolute", [0, 1, 0]), (stroke, "prismatic", [1, 0, 0])
     )
     for joint, kind, axis in wanted:
-        if joint.get("type") != kind or np.any(_numbers(joint.find("axis").get("xyz")) != axis):
+        if joint.get("type") != kind or np.any(_vector(joint.find("axis").get("xyz")) != axis):
             raise ValueError(f"joint {joint.get('name')} must be {kind} about {axis}: {path}")
     r_tilt, p_tilt = _origin(tilt)
     r_stroke, p_stroke = _origin(stroke)
@@ -138,7 +139,8 @@ def read_rig(urdf: Path) -> Rig:
     _, r_bp, p_bp = _pose_in_root(robot, plate)
     r_p4, p_p4 = fixed[named["passive_mount"]]
     box, oil = beside["docking_workspace"], beside["hydraulics"]
-    lateral, tilt = _get(box, "lateral_m"), math.radians(_get(box, "pitch_yaw_deg"))
+    axial, lateral = _get(box, "axial_m"), _get(box, "lateral_m")
+    roll, tilt = math.radians(_get(box, "roll_deg")), math.radians(_get(box, "pitch_yaw_deg"))
     volume = _get(oil[_get(oil, "default")], "total_volume_m3")
     rig = Rig(
         robot.get("name"),
@@ -147,7 +149,7 @@ def read_rig(urdf: Path) -> Rig:
         tuple(_leg(urdf, robot, links, c) for c in beside["closures"]),
         r_b3, p_b3, r_p4.T, -r_p4.T @ p_p4,
         np.array(_get(box, "middle_p_34_m"), float),
-        np.array([_get(box, "axial_m"), lateral, lateral, math.radians(_get(box, "roll_deg")), tilt, tilt]),
+        np.array([axial, lateral, lateral, roll, tilt, tilt]),
         4.0 * _get(oil, "bulk_modulus_pa") * _get(oil, "area_m2") ** 2 / volume,
     )
     # Joints at zero: the plate in the middle, and every rod at its joint.
