@@ -62,7 +62,7 @@ class Result:
 def docktwin(binary, twin: str, step_ms: float, whole: bool) -> Result:
     """docktwin's half."""
     def run(until):
-        command = [str(binary), str(SCENARIO), "--twin", twin, "--step-ms", repr(step_ms)]
+        command = [str(binary), "docking", str(SCENARIO), "--twin", twin, "--step-ms", repr(step_ms)]
         command += ["--sample-s", repr(SAMPLE_S), "--until-s", repr(until)]
         return json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
 

@@ -32,16 +32,26 @@ def models() -> Path:
     return ROOT / "models" / "urdf"
 
 
+def _named(variable: str, package: str) -> Path:
+    named = os.environ.get(variable)
+    if not named:
+        pytest.skip(f"{variable} is not set: name the {package} binary to compare with it")
+    path = Path(named).resolve()
+    if not path.is_file():
+        pytest.fail(f"no {package} binary, build it with `cargo build -p {package}`: {path}")
+    return path
+
+
 @pytest.fixture(scope="session")
 def binary() -> Path:
     """The docktwin to compare with."""
-    named = os.environ.get("DOCKTWIN_BIN")
-    if not named:
-        pytest.skip("DOCKTWIN_BIN is not set: name the docktwin binary to compare with it")
-    path = Path(named).resolve()
-    if not path.is_file():
-        pytest.fail(f"no docktwin binary, build it with `cargo build -p docktwin`: {path}")
-    return path
+    return _named("DOCKTWIN_BIN", "docktwin")
+
+
+@pytest.fixture(scope="session")
+def peers() -> Path:
+    """The docktwin-peers that moves the platform."""
+    return _named("DOCKTWIN_PEERS_BIN", "docktwin-peers")
 
 
 @pytest.fixture(scope="session")

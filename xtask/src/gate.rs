@@ -130,5 +130,10 @@ pub(crate) fn target(root: &Path) -> PathBuf {
 
 /// The command line of this workspace, dev profile.
 pub(crate) fn binary(root: &Path) -> PathBuf {
-    target(root).join("debug").join(format!("docktwin{}", std::env::consts::EXE_SUFFIX))
+    program(root, "docktwin")
+}
+
+/// A program of this workspace, dev profile.
+pub(crate) fn program(root: &Path, name: &str) -> PathBuf {
+    target(root).join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
 }

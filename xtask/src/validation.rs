@@ -13,6 +13,7 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
     let python = environment(root)?;
     let mut tests = shell::command(root, &python, &["-m", "pytest", "validation"]);
     tests.env("DOCKTWIN_BIN", gate::binary(root));
+    tests.env("DOCKTWIN_PEERS_BIN", gate::program(root, "docktwin-peers"));
     // Figures must not depend on how many threads numpy finds.
     tests.env("OMP_NUM_THREADS", "1").env("PYTHONDONTWRITEBYTECODE", "1");
     let last = shell::run_and_keep_last_line(&mut tests)?;

@@ -1,9 +1,12 @@
-//! docktwin's half of the comparison of speed with other engines: runs a scenario with one twin and
-//! one step, nothing recorded, and prints as one line of JSON what it cost and what came out.
+//! docktwin's half of the comparison with other engines: a docking, or the motion simulator's platform,
+//! with one twin and one step, nothing recorded; prints as one line of JSON what it cost and what came
+//! out.
 //!
 //! Cost is processor time of the one thread that steps, from the operating system, so that a busy
-//! machine disturbs less than with a clock on the wall. Phases: `free` until first contact, `contact`
-//! until the first latch (or the end), `whole`.
+//! machine disturbs less than with a clock on the wall. Phases of a docking: `free` until first
+//! contact, `contact` until the first latch (or the end), `whole`.
+
+mod platform;
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -18,8 +21,17 @@ use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_twin::FullTwin;
 use serde_json::{Value, json};
 
-/// Runs a scenario without recording and tells cost and result
+/// Computes without recording and tells cost and result
 #[derive(Debug, Parser)]
+enum Command {
+    /// Runs a scenario
+    Docking(Args),
+    /// Moves the motion simulator's platform
+    #[command(subcommand)]
+    Platform(platform::Command),
+}
+
+#[derive(Debug, clap::Args)]
 struct Args {
     /// Scenario file
     scenario: PathBuf,
@@ -44,41 +56,44 @@ enum Kind {
 }
 
 fn main() -> ExitCode {
-    let args = Args::parse();
-    let scenario = match load_scenario(&args.scenario, &[]) {
-        Ok(s) => s,
-        Err(e) => return refuse(&e.to_string()),
+    let out = match Command::parse() {
+        Command::Docking(args) => docking(&args),
+        Command::Platform(command) => platform::run(&command),
     };
+    match out {
+        Ok(out) => {
+            println!("{out}");
+            ExitCode::SUCCESS
+        }
+        Err(why) => {
+            eprintln!("{why}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn docking(args: &Args) -> Result<Value, String> {
+    let scenario = load_scenario(&args.scenario, &[]).map_err(|e| e.to_string())?;
     #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
     let tick_s = scenario.run.tick_nanos as f64 / 1e9;
     let per_tick = (tick_s * 1e3 / args.step_ms).round().max(1.0);
     if (per_tick * args.step_ms / (tick_s * 1e3) - 1.0).abs() > 1e-9 {
-        return refuse(&format!(
+        return Err(format!(
             "a step of {} ms does not divide the tick of {} ms; give a whole part of it",
             args.step_ms,
             tick_s * 1e3
         ));
     }
-    let (system, bodies) = match start(&scenario) {
-        Ok(s) => s,
-        Err(e) => return refuse(&e.to_string()),
-    };
+    let (system, bodies) = start(&scenario).map_err(|e| e.to_string())?;
     let h = tick_s / per_tick;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small, ≥ 1")]
     let per_tick = per_tick as u32;
-    let out = match args.twin {
-        Kind::Full => run(FullTwin::new(system, bodies, h), &scenario, &args, tick_s, per_tick),
+    Ok(match args.twin {
+        Kind::Full => run(FullTwin::new(system, bodies, h), &scenario, args, tick_s, per_tick),
         Kind::Reduced => {
-            run(ReducedTwin::new(system, bodies, h), &scenario, &args, tick_s, per_tick)
+            run(ReducedTwin::new(system, bodies, h), &scenario, args, tick_s, per_tick)
         }
-    };
-    println!("{out}");
-    ExitCode::SUCCESS
-}
-
-fn refuse(why: &str) -> ExitCode {
-    eprintln!("{why}");
-    ExitCode::from(2)
+    })
 }
 
 fn run<T: DockingTwin>(

@@ -19,8 +19,8 @@ use crate::{
 
 /// Time of a tick, s.
 pub const TICK_S: f64 = 1e-3;
-/// Steps of the plant in a tick: 0.125 ms, an eighth of the period of the fastest mode's radian.
-pub const PLANT_STEPS: u32 = 8;
+/// Steps of the reduced rig in a tick: 0.125 ms, an eighth of the period of the fastest mode's radian.
+const PLANT_STEPS: u32 = 8;
 /// Commands that are on the way or in use; dead times up to this many ticks less two.
 const KEPT: usize = 12;
 
@@ -51,6 +51,17 @@ pub enum SetupError {
     Rate {
         /// Asked for.
         rate_hz: f64,
+    },
+    /// Plant and inner loop do not fit.
+    #[error(
+        "the plant steps by {step_s} s, the inner loop by {period_s} s: take a step that fits into \
+         it a whole number of times"
+    )]
+    Step {
+        /// Of the plant, s.
+        step_s: f64,
+        /// Of the inner loop, s.
+        period_s: f64,
     },
     /// Dead time out of range.
     #[error("the dead time is {dead_time_s} s: set 0 to 0.010 s")]
@@ -146,6 +157,8 @@ pub struct ClosedRig<P = ReducedRig> {
     controllers: [LegController; 6],
     valve_delay_s: f64,
     samples: u32,
+    /// Of the plant, a sample.
+    steps: u32,
     state: RigState,
     valves: [f64; 6],
     path: CommandPath,
@@ -164,8 +177,8 @@ impl ClosedRig {
 
 impl<P: RigPlant> ClosedRig<P> {
     /// A rig at rest at `x_bp`, as it is after holding there for long: the oil carries the weight and
-    /// controllers are quiet. The plant has the legs of the setup and makes [`PLANT_STEPS`] steps a
-    /// tick.
+    /// controllers are quiet. The plant has the legs of the setup; its step fits into the period of
+    /// the inner loop a whole number of times.
     ///
     /// # Errors
     /// See [`SetupError`].
@@ -175,6 +188,11 @@ impl<P: RigPlant> ClosedRig<P> {
             .into_iter()
             .find(|n| (rate_hz * TICK_S - f64::from(*n)).abs() < 1e-9)
             .ok_or(SetupError::Rate { rate_hz })?;
+        let step_s = plant.step_s();
+        let steps = (TICK_S / f64::from(samples) / step_s).round();
+        if steps < 1.0 || (steps * step_s * f64::from(samples) / TICK_S - 1.0).abs() > 1e-9 {
+            return Err(SetupError::Step { step_s, period_s: TICK_S / f64::from(samples) });
+        }
         let dead_time_s = setup.dead_time_s;
         if !(0.0..=0.010).contains(&dead_time_s) {
             return Err(SetupError::DeadTime { dead_time_s });
@@ -192,6 +210,7 @@ impl<P: RigPlant> ClosedRig<P> {
             controllers: setup.believed_legs.map(|leg| LegController::new(setup.tuning, leg)),
             valve_delay_s: feedforward.valve_delay_s(),
             samples,
+            steps: steps as u32,
             state,
             valves: [0.0; 6],
             path: CommandPath { kept: [rest; KEPT], taken: KEPT as u64, dead_time_s },
@@ -222,7 +241,6 @@ impl<P: RigPlant> ClosedRig<P> {
     ) -> Result<RigMeasurement, RigFault> {
         self.path.kept[(self.path.taken % KEPT as u64) as usize] = *command;
         self.path.taken += 1;
-        let steps = PLANT_STEPS / self.samples;
         let sample_s = TICK_S / f64::from(self.samples);
         for k in 0..self.samples {
             let (now, before, since) = self.path.at(f64::from(k) * sample_s);
@@ -245,7 +263,7 @@ impl<P: RigPlant> ClosedRig<P> {
                     LegMeasurement { length_m: lengths[i], pressure_pa: legs[i].pressure_pa };
                 *valve = controller.step(&target, &measured);
             }
-            for _ in 0..steps {
+            for _ in 0..self.steps {
                 self.plant.advance(&mut self.state, &self.valves, &mut external)?;
             }
         }

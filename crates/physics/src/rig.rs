@@ -23,6 +23,9 @@ pub trait RigPlant {
     /// Kinematics and rigid dynamics.
     fn platform(&self) -> &Platform;
 
+    /// The step, s.
+    fn step_s(&self) -> f64;
+
     /// Puts the rig to rest, as [`ReducedRig::at_rest`].
     ///
     /// # Errors
@@ -45,6 +48,10 @@ pub trait RigPlant {
 impl RigPlant for ReducedRig {
     fn platform(&self) -> &Platform {
         &self.platform
+    }
+
+    fn step_s(&self) -> f64 {
+        self.step_s
     }
 
     fn rest(&mut self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault> {

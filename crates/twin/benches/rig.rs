@@ -10,12 +10,12 @@ use criterion::{
 };
 use docktwin_control::{
     feedforward::{Feedforward, PlateMotion},
-    rig::{ClosedRig, PLANT_STEPS, RigSetup, TICK_S},
+    rig::{ClosedRig, RigSetup, TICK_S},
 };
 use docktwin_core::{DVec3, Pose, Twist};
 use docktwin_model::{HydraulicPreset, load_rig};
 use docktwin_physics::rig::{PerturbedRig, PortSpring, RigPlant};
-use docktwin_twin::rig::FullRig;
+use docktwin_twin::rig::{FULL_STEP_S, FullRig};
 
 const PRESET: HydraulicPreset = HydraulicPreset::Printed;
 const SEED: u64 = 1;
@@ -65,7 +65,7 @@ fn rigs(c: &mut Criterion) {
     let reduced = ClosedRig::new(&setup, &middle).unwrap();
     ticks(&mut group, "tick_reduced_with_payload", reduced, &forward, &spring);
     let built = PerturbedRig::draw(&rig, PRESET, SEED);
-    let full = FullRig::new(&built.rig, &built.legs, TICK_S / f64::from(PLANT_STEPS));
+    let full = FullRig::new(&built.rig, &built.legs, FULL_STEP_S);
     let full = ClosedRig::with_plant(full, &setup, &middle).unwrap();
     ticks(&mut group, "tick_full_with_payload", full, &forward, &spring);
     group.bench_function("feedforward", |b| {

@@ -23,8 +23,10 @@ use rapier3d_f64::prelude::{
 
 use crate::mass_properties;
 
+/// Step that keeps the loops closed to 1e-7 m and the inner loop of 4 kHz in step, s.
+pub const FULL_STEP_S: f64 = 2.5e-4;
 /// Rounds of the joint solver in a step.
-const JOINT_ROUNDS: usize = 8;
+const JOINT_ROUNDS: usize = 12;
 /// Steps without motion in which the joints learn the weights they carry.
 const SETTLING_STEPS: usize = 200;
 
@@ -218,6 +220,10 @@ impl FullRig {
 impl RigPlant for FullRig {
     fn platform(&self) -> &Platform {
         &self.platform
+    }
+
+    fn step_s(&self) -> f64 {
+        self.step_s
     }
 
     fn rest(&mut self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault> {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use docktwin_control::{
     feedforward::PlateMotion,
-    rig::{ClosedRig, PLANT_STEPS, RigSetup, TICK_S},
+    rig::{ClosedRig, RigSetup, TICK_S},
 };
 use docktwin_core::{DVec3, Euler, Pose, Twist, Wrench};
 use docktwin_model::{HydraulicPreset, Rig, load_rig};
@@ -15,9 +15,7 @@ use docktwin_physics::{
     platform::Platform,
     rig::{ReducedRig, RigPlant},
 };
-use docktwin_twin::rig::FullRig;
-
-const STEP_S: f64 = TICK_S / PLANT_STEPS as f64;
+use docktwin_twin::rig::{FULL_STEP_S, FullRig};
 
 fn file(name: &str) -> Rig {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf").join(name);
@@ -38,14 +36,14 @@ fn oracle_statics_in_rapier() {
     let rig = file("stewart_statics.urdf");
     let mut leg = lossless(&rig, HydraulicPreset::Printed);
     leg.oil.viscous_n_s_m = 2e5;
-    let mut full = FullRig::new(&rig, &[leg; 6], STEP_S);
+    let mut full = FullRig::new(&rig, &[leg; 6], FULL_STEP_S);
     let wrong = Wrench { f: DVec3::new(90.0, 50.0, -30.0), m: DVec3::new(10.0, 20.0, 5.0) };
     let mut s = full.rest(&rig.middle(), &wrong).unwrap();
     let force =
         |s: &docktwin_physics::rig::RigState| s.legs.map(|l| l.pressure_pa * leg.oil.area_m2);
     let begin = force(&s);
     assert!(begin.iter().any(|f| (f - 4787.55).abs() > 5.0), "{begin:?}");
-    for _ in 0..16_000 {
+    for _ in 0..8_000 {
         full.advance(&mut s, &[0.0; 6], |_, _| Wrench::ZERO).unwrap();
     }
     println!("{:?} N, loops open by {:.1e} m", force(&s), full.closure_error_m());
@@ -104,7 +102,7 @@ fn oracle_leg_forces_in_full_amplitude_motion() {
     setup.believed_legs = setup.legs;
     setup.dead_time_s = 0.0;
     let platform = setup.platform.clone();
-    let full = FullRig::new(&rig, &setup.legs, STEP_S);
+    let full = FullRig::new(&rig, &setup.legs, FULL_STEP_S);
     let mut closed = ClosedRig::with_plant(full, &setup, &rig.middle()).unwrap();
     let forward = setup.feedforward();
     let (mut off, mut forces, mut open, mut strayed) = (vec![], vec![], 0.0_f64, 0.0_f64);
@@ -141,8 +139,8 @@ fn invariant_the_full_rig_on_its_oil_springs_keeps_its_energy() {
     let rig = file("stewart.urdf");
     for (word, preset) in HydraulicPreset::WORDS {
         let leg = lossless(&rig, preset);
-        let account = ReducedRig::new(Platform::new(&rig), &[leg; 6], STEP_S);
-        let mut full = FullRig::new(&rig, &[leg; 6], STEP_S);
+        let account = ReducedRig::new(Platform::new(&rig), &[leg; 6], FULL_STEP_S);
+        let mut full = FullRig::new(&rig, &[leg; 6], FULL_STEP_S);
         let x_bp = rig.middle();
         let mut s = full.rest(&x_bp, &Wrench::ZERO).unwrap();
         let rest = account.energy_j(&s);
@@ -155,11 +153,11 @@ fn invariant_the_full_rig_on_its_oil_springs_keeps_its_energy() {
             }
             sum
         };
-        mean(40, push);
+        mean(20, push);
         push = Wrench::ZERO;
-        let before = mean(4000, push);
-        mean(72_000, push);
-        let drift = mean(4000, push) / before - 1.0;
+        let before = mean(2000, push);
+        mean(38_000, push);
+        let drift = mean(2000, push) / before - 1.0;
         println!("{word}: {before:.2} J, drift {drift:.1e} in 10 s");
         assert!(drift.abs() < 0.05, "{word}: {drift}");
     }
@@ -172,7 +170,7 @@ fn oracle_the_full_rig_moves_as_the_reduced_one() {
     let setup = RigSetup::of_rig(&rig, HydraulicPreset::Stiff, None);
     let x_bp = rig.middle();
     let mut reduced = ClosedRig::new(&setup, &x_bp).unwrap();
-    let full = FullRig::new(&rig, &setup.legs, STEP_S);
+    let full = FullRig::new(&rig, &setup.legs, FULL_STEP_S);
     let mut full = ClosedRig::with_plant(full, &setup, &x_bp).unwrap();
     let forward = setup.feedforward();
     let (mut apart, mut turned) = (0.0_f64, 0.0_f64);

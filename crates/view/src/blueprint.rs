@@ -3,7 +3,7 @@
 //! Written archetype by archetype: the builder of rerun 0.36 (`rerun::blueprint`) has no way to give
 //! a 3-D view its eye, its background or its grid.
 
-use docktwin_core::StateHasher;
+use docktwin_core::{DVec3, StateHasher};
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint,
@@ -24,6 +24,7 @@ use crate::paths;
 /// Where a view keeps what it does with one entity; hulls would catch every click.
 const CHASER_HULL: &str = "ViewContents/overrides/scene/chaser/hull/visualizers";
 const TARGET_HULL: &str = "ViewContents/overrides/scene/target/hull/visualizers";
+const REACHABLE: &str = "ViewContents/overrides/rig/reachable/visualizers";
 
 enum Node {
     View {
@@ -68,33 +69,69 @@ fn row(children: Vec<Node>) -> Node {
     Node::Container { kind: ContainerKind::Horizontal, name: "", shares: vec![], children }
 }
 
-/// A 3-D view of the scene.
-fn scene(name: &'static str, eye: &Eye, without: Vec<&'static str>) -> Node {
-    Node::View {
-        class: "3D",
-        name,
-        origin: paths::SCENE,
-        without,
-        properties: vec![
-            (
-                "EyeControls3D",
-                Box::new(
-                    EyeControls3D::new()
-                        .with_kind(Eye3DKind::Orbital)
-                        .with_position(f32x3(eye.position))
-                        .with_look_target(f32x3(eye.target))
-                        .with_eye_up([0.0, 0.0, 1.0]),
-                ),
+/// A 3-D view. `behind`: what would catch every click, being large and in front.
+fn space(
+    name: &'static str,
+    origin: &'static str,
+    [position, target, up]: [DVec3; 3],
+    without: Vec<&'static str>,
+    behind: &[&'static str],
+) -> Node {
+    let mut properties: Vec<(&'static str, Box<dyn AsComponents>)> = vec![
+        (
+            "EyeControls3D",
+            Box::new(
+                EyeControls3D::new()
+                    .with_kind(Eye3DKind::Orbital)
+                    .with_position(f32x3(position))
+                    .with_look_target(f32x3(target))
+                    .with_eye_up(f32x3(up)),
             ),
-            (
-                "Background",
-                Box::new(Background::new(BackgroundKind::SolidColor).with_color(0x14_18_1E_FF)),
-            ),
-            (CHASER_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),
-            (TARGET_HULL, Box::new(EntityBehavior::update_fields().with_interactive(false))),
-            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
-        ],
+        ),
+        (
+            "Background",
+            Box::new(Background::new(BackgroundKind::SolidColor).with_color(0x14_18_1E_FF)),
+        ),
+        ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
+    ];
+    for path in behind {
+        properties.push((path, Box::new(EntityBehavior::update_fields().with_interactive(false))));
     }
+    Node::View { class: "3D", name, origin, without, properties }
+}
+
+/// A 3-D view of the docking.
+fn scene(name: &'static str, eye: &Eye, without: Vec<&'static str>) -> Node {
+    let look = [eye.position, eye.target, DVec3::Z];
+    space(name, paths::SCENE, look, without, &[CHASER_HULL, TARGET_HULL])
+}
+
+/// The layout of a motion simulator, looked at from `position` to `target` with +X up.
+pub(crate) fn rig(position: DVec3, target: DVec3) -> Layout {
+    Layout(Node::Container {
+        kind: ContainerKind::Horizontal,
+        name: "docktwin",
+        shares: vec![3.0, 2.0],
+        children: vec![
+            space(
+                "Motion simulator (+X up)",
+                paths::RIG,
+                [position, target, DVec3::X],
+                vec![],
+                &[REACHABLE],
+            ),
+            Node::Container {
+                kind: ContainerKind::Vertical,
+                name: "",
+                shares: vec![3.0, 3.0, 2.0],
+                children: vec![
+                    plot("Room of each leg to its nearer end, m", paths::RIG_ROOM, legend()),
+                    plot("Force of each leg, kN", paths::RIG_FORCE, legend()),
+                    text("Where it is", paths::RIG_TEXT),
+                ],
+            },
+        ],
+    })
 }
 
 fn text(name: &'static str, origin: &'static str) -> Node {
@@ -111,7 +148,11 @@ pub(crate) struct Look {
     pub(crate) compared: bool,
 }
 
-fn layout(look: &Look) -> Node {
+/// A whole layout.
+pub(crate) struct Layout(Node);
+
+/// The layout of a docking.
+pub(crate) fn docking(look: &Look) -> Layout {
     let oblique =
         scene("Mechanism, seen from the chaser's port e3", &look.eye, vec!["/scene/face/**"]);
     let face_on = scene(
@@ -159,7 +200,7 @@ fn layout(look: &Look) -> Node {
         without: vec![],
         properties: vec![("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal)))],
     };
-    Node::Container {
+    Layout(Node::Container {
         kind: ContainerKind::Horizontal,
         name: "docktwin",
         shares: vec![3.0, 2.0],
@@ -221,7 +262,7 @@ fn layout(look: &Look) -> Node {
                 ],
             },
         ],
-    }
+    })
 }
 
 fn tabs(children: Vec<Node>) -> Node {
@@ -301,7 +342,7 @@ impl Node {
 pub(crate) fn send(
     rec: &RecordingStream,
     application: &'static str,
-    look: &Look,
+    layout: &Layout,
 ) -> RecordingStreamResult<()> {
     let (blueprint, storage) = RecordingStreamBuilder::new(application)
         .recording_id(RecordingId::random())
@@ -309,7 +350,7 @@ pub(crate) fn send(
         .blueprint()
         .memory()?;
     blueprint.set_time_sequence("blueprint", 0);
-    let (_, root) = layout(look).log(&blueprint, &mut 0)?;
+    let (_, root) = layout.0.log(&blueprint, &mut 0)?;
     blueprint.log(
         "viewport",
         &ViewportBlueprint::new()

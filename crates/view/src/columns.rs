@@ -223,19 +223,23 @@ impl Labels {
 pub(crate) struct Legs {
     times: Vec<i64>,
     strips: Vec<LineStrip3D>,
+    colours: Vec<u32>,
 }
 
 impl Legs {
-    pub(crate) fn push(&mut self, time: i64, ends: impl Iterator<Item = [DVec3; 2]>) {
+    pub(crate) fn push(&mut self, time: i64, legs: impl Iterator<Item = ([DVec3; 2], u32)>) {
         self.times.push(time);
-        self.strips.extend(ends.map(|e| LineStrip3D::from(e.map(f32x3))));
+        for (ends, colour) in legs {
+            self.strips.push(LineStrip3D::from(ends.map(f32x3)));
+            self.colours.push(colour);
+        }
     }
 
     pub(crate) fn send(
         &mut self,
         rec: &RecordingStream,
         path: &str,
-        colour: u32,
+        radius_m: f32,
     ) -> Result<(), ViewError> {
         if self.strips.is_empty() {
             return Ok(());
@@ -243,8 +247,8 @@ impl Legs {
         let (n, rows) = (self.strips.len(), self.times.len());
         let strips = LineStrips3D::update_fields()
             .with_strips(self.strips.drain(..))
-            .with_colors(vec![colour; n])
-            .with_radii(vec![Radius::new_scene_units(0.006); n]);
+            .with_colors(self.colours.drain(..))
+            .with_radii(vec![Radius::new_scene_units(radius_m); n]);
         send(rec, path, &self.times, strips.columns(vec![n / rows; rows]))?;
         self.times.clear();
         Ok(())

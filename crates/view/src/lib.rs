@@ -24,6 +24,9 @@
 //! so that what happens between them shows. The viewer opens at the end of the run, where peaks and
 //! trace sum it up; every plot shares one time axis.
 //!
+//! [`RigWriter`] records a motion simulator instead, in its ground frame `eb`: legs coloured by the room
+//! their strokes have left, and the docking workspace inside the reachable one.
+//!
 //! Hulls are a sign, not a model: a cylinder of the vehicle's own mass and inertia behind the port.
 //! So are the legs of an attenuator that is given as tables.
 //!
@@ -35,6 +38,7 @@ mod error;
 mod eye;
 mod mesh;
 mod paths;
+mod rig;
 mod scene;
 mod style;
 mod whole;
@@ -48,4 +52,5 @@ pub use whole::is_whole;
 pub const VIEWER_VERSION: &str = "0.36.3";
 
 pub use error::ViewError;
+pub use rig::RigWriter;
 pub use writer::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter};

@@ -93,6 +93,18 @@ impl Mesh {
         m
     }
 
+    /// A closed surface around the origin: its distance in every direction.
+    pub(crate) fn star(distance: impl Fn(DVec3) -> f64) -> Self {
+        const ROWS: u32 = 32;
+        let mut m = Self::default();
+        m.push_grid(ROWS + 1, AROUND, true, |i, j| {
+            let (s, c) = (f64::from(i) / f64::from(ROWS) * PI).sin_cos();
+            let direction = around(j) * s + DVec3::X * c;
+            (direction * distance(direction), direction)
+        });
+        m
+    }
+
     /// A body of revolution about X through (x, radius) points from its +X end to its −X end,
     /// creased at each of them.
     pub(crate) fn revolution(profile: &[[f64; 2]]) -> Self {

@@ -19,6 +19,18 @@ pub(crate) const LEGEND: &str = "scene/legend";
 /// Labels of the view along the docking axis.
 pub(crate) const FACE_LABELS: &str = "scene/face/labels";
 
+/// The motion simulator, in `eb`.
+pub(crate) const RIG: &str = "rig";
+pub(crate) const RIG_PLATE: &str = "rig/plate";
+pub(crate) const RIG_CYLINDERS: &str = "rig/cylinders";
+pub(crate) const RIG_RODS: &str = "rig/rods";
+pub(crate) const RIG_REACHABLE: &str = "rig/reachable";
+pub(crate) const RIG_DOCKING: &str = "rig/docking_workspace";
+pub(crate) const RIG_WAY: &str = "rig/way";
+pub(crate) const RIG_ROOM: &str = "leg/room";
+pub(crate) const RIG_FORCE: &str = "leg/force";
+pub(crate) const RIG_TEXT: &str = "rig_state";
+
 pub(crate) const PORT_FORCE: &str = "port/force";
 pub(crate) const PORT_MOMENT: &str = "port/moment";
 pub(crate) const POSITION: &str = "relative/position";

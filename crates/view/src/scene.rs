@@ -46,7 +46,7 @@ fn hull(s: &Spacecraft, port_radius_m: f64) -> Mesh {
     ])
 }
 
-fn log_mesh(
+pub(crate) fn log_mesh(
     rec: &RecordingStream,
     path: &str,
     mesh: Mesh,

@@ -18,6 +18,7 @@ pub(crate) const GHOST_EDGES: u32 = 0xB4_B8_C0_90;
 pub(crate) const LATCH_RADIUS_M: f32 = 0.026;
 pub(crate) const STRIKER: u32 = 0xC9_D6_E8_FF;
 pub(crate) const LEG: u32 = 0x8A_8F_98_70;
+pub(crate) const LEG_RADIUS_M: f32 = 0.006;
 pub(crate) const TEXT: u32 = 0xE6_E9_EE_FF;
 
 /// Red, green, blue of the axes X, Y, Z; roll, pitch, yaw.

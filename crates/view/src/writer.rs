@@ -13,7 +13,7 @@ use crate::style::{self, PairClass};
 use crate::{ViewError, blueprint, paths, scene};
 
 /// Name under which the viewer keeps its own changes to the layout.
-const APPLICATION: &str = "docktwin";
+pub(crate) const APPLICATION: &str = "docktwin";
 /// Frames sent together; more is cheaper, fewer lose less when the process dies.
 const BATCH: usize = 256;
 /// How long the last frames may take to their file.
@@ -32,6 +32,12 @@ const FRICTION_FROM_N: f64 = 1.0;
 const SLOTS: usize = 12;
 /// Rows of the table.
 const SUMMARY_ROWS: usize = 8;
+
+/// Waits until all that was sent is in the file.
+pub(crate) fn flush(rec: &RecordingStream, path: &Path) -> Result<(), ViewError> {
+    rec.flush_with_timeout(FLUSH_LIMIT)
+        .map_err(|e| ViewError::Write { path: path.to_owned(), message: e.to_string() })
+}
 
 /// What does not change during a run.
 #[derive(Clone, Copy, Debug)]
@@ -435,7 +441,8 @@ impl SceneWriter {
         let m = scene.mechanism;
         let compared = part == Part::First;
         let look = blueprint::Look { eye: Eye::new(m), face_on: Eye::face_on(m), compared };
-        blueprint::send(&rec, APPLICATION, &look).map_err(|e| ViewError::encode("blueprint", e))?;
+        blueprint::send(&rec, APPLICATION, &blueprint::docking(&look))
+            .map_err(|e| ViewError::encode("blueprint", e))?;
         scene::log_static(&rec, scene, compared).map_err(|e| ViewError::encode(paths::SCENE, e))?;
         Ok(Self::with(rec, path.to_owned(), scene, pair_names, part, 0))
     }
@@ -516,7 +523,7 @@ impl SceneWriter {
         self.rows.target.push(time, &(x_3w * f.x_world_target * self.x_target_port));
         if !self.legs.is_empty() {
             let ends = self.legs.iter().map(|[a, b]| [*a, x_3r.transform_point(*b)]);
-            self.rows.legs.push(time, ends);
+            self.rows.legs.push(time, ends.map(|e| (e, style::LEG)));
         }
         self.latches(time, f.latches);
         self.observe(time, f.contacts, &f.x_world_ring.inverse());
@@ -565,8 +572,7 @@ impl SceneWriter {
         let x_3r = self.x_3r;
         self.summarise(self.last, &x_3r, true);
         self.send()?;
-        if let Err(e) = self.rec.flush_with_timeout(FLUSH_LIMIT) {
-            let error = ViewError::Write { path: self.path.clone(), message: e.to_string() };
+        if let Err(error) = flush(&self.rec, &self.path) {
             // When its file writer dies of a full disk, rerun 0.36.3 may wait for it for ever, and
             // dropping the stream would wait for that: it is left to the end of the process.
             core::mem::forget(self);
@@ -760,7 +766,7 @@ impl SceneWriter {
         let at = |path: &str| part.path(path);
         rows.target.send(rec, &at(paths::TARGET))?;
         rows.ring.send(rec, &at(paths::ACTIVE))?;
-        rows.legs.send(rec, &at(paths::LEGS), style::LEG)?;
+        rows.legs.send(rec, &at(paths::LEGS), style::LEG_RADIUS_M)?;
         let latch = Radius::new_scene_units(style::LATCH_RADIUS_M);
         rows.latches.send(rec, &at(paths::LATCHES), latch)?;
         for (i, states) in rows.latch_states.iter_mut().enumerate() {
