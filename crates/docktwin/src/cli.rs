@@ -253,7 +253,8 @@ Examples:
 
 const FREQUENCY: &str = "\
 The plate on six oil springs, valves closed. Of every degree of freedom the natural frequency with the
-other five held, and the six modes; at the middle, the 64 corners and, as CSV, at 729 places.
+other five held, and the six modes, at 729 places of the docking workspace: middle, corners, edges and
+faces.
 
 The directory holds frequency.csv, frequency.svg (Fig. 31 to 36 of the paper) and frequency.json (what
 --json prints).
@@ -270,8 +271,8 @@ and 70 degrees; from 0.5 to 5 Hz |G| within 10 % (stiff: 5 %) and at most 0.15 i
 freedom; modal damping of at least 0.1. Rotations count at the radius of the plate joints.
 
 What is measured is where --places says; the linear model covers the middle and all 64 corners. On two
-cores `middle` takes half a minute, `sample` (and five corners) three, `all` (and 64 corners) half an
-hour.
+cores `middle` takes 20 seconds, `sample` (and five corners) two minutes, `all` (and 64 corners) 20
+minutes; one payload takes a third of it.
 
 Keys of --set: position_gain_1_s, damping_ratio (of pressure feedback at 2500 kg), high_pass_hz,
 valve_lead_hz (0: none), rate_hz, dead_time_s.
@@ -288,7 +289,7 @@ const STIFFNESS: &str = "\
 Poles and 10 Hz response of the linear model, controllers, sampling and dead time included, against a
 spring of 0 to 1e6 N/m at the port, along X (axial) and along Y (lateral): in the middle at many
 stiffnesses, at the 64 corners at both ends. Beside it the same with the bulk modulus half as large
-again, as the paper's oil without air. Takes half a minute.
+again, as the paper's oil without air. Takes a few seconds.
 
 Keys of --set: as of `docktwin analyze bode`.
 

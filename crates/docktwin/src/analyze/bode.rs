@@ -158,18 +158,24 @@ impl Worst {
     fn words(&self) -> String {
         let at = |w: &(f64, usize, f64, Place)| format!("{} {} Hz, {}", DOFS[w.1], w.2, w.3);
         format!(
-            "10 Hz {:+.2} to {:+.2} dB, {:.0} to {:.0} deg; to 5 Hz |G| within {:.1} % ({}), coupling \
+            "10 Hz {} to {} dB, {} to {} deg; to 5 Hz |G| within {:.1} % ({}), coupling \
              {:.3} ({})",
-            self.db[0],
-            self.db[1],
-            self.deg[0],
-            self.deg[1],
+            number(self.db[0], 2),
+            number(self.db[1], 2),
+            number(self.deg[0], 0),
+            number(self.deg[1], 0),
             100.0 * self.flat.0,
             at(&self.flat),
             self.coupling.0,
             at(&self.coupling)
         )
     }
+}
+
+/// With its sign, and never a minus zero.
+fn number(x: f64, decimals: usize) -> String {
+    let text = format!("{x:+.decimals$}");
+    if text.trim_matches(['+', '-', '0', '.']).is_empty() { "0".to_owned() } else { text }
 }
 
 /// What is measured, and how.
@@ -438,8 +444,14 @@ fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError
         Axis::new("phase", "deg").include(-75.0).include(5.0),
         Axis::new("coherence", "").include(0.98).include(1.0),
     ];
+    let thin = if shown.len() > work.payloads.len() { ", thin: other places" } else { "" };
     let titles = [
-        format!("Response in {}{figure}: {}", DOFS[dof], work.subject.title()),
+        format!(
+            "Response in {}{figure}: {}, {} mm, in the middle{thin}",
+            DOFS[dof],
+            work.subject.title(),
+            work.amplitude_m * 1e3
+        ),
         String::new(),
         String::new(),
     ];
@@ -458,7 +470,9 @@ fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError
             if middle {
                 let name =
                     if k == 0 { format!("measured, {}", payload.words) } else { String::new() };
-                p = p.line(Line::new(name, &curves[k][0]).colour(payload.colour).width(2.2));
+                // Where payloads do nothing, the one below still shows.
+                let width = if c.payload == 0 { 4.0 } else { 1.8 };
+                p = p.line(Line::new(name, &curves[k][0]).colour(payload.colour).width(width));
             } else {
                 p = p.line(Line::new("", &curves[k][0]).colour(payload.colour).width(0.5));
             }
@@ -538,7 +552,7 @@ fn words(work: &Work<'_>, places: usize, linear: &[Linear], v: &Verdict) -> Stri
         let _ = writeln!(out, "{name:14} {text}");
     };
     for ((p, w), l) in work.payloads.iter().zip(&v.measured).zip(linear) {
-        line(p.words, String::new());
+        line("payload", p.words.to_owned());
         line("  measured", format!("{}; coherence over {:.4}", w.words(), w.coherence));
         line("  linear", l.worst.words());
         line("  poles", format!("modal damping at least {:.3} (at {})", l.damping.0, l.damping.1));

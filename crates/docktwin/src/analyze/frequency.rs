@@ -21,11 +21,9 @@ const FREE: [f64; 6] = [0.0; 6];
 /// Presets with their maps, in the order of the words.
 type Presets = Vec<(HydraulicPreset, FrequencyMap)>;
 
-/// Natural frequency over Y at three Z, at the upper end of X: of every degree of freedom, Hz.
-struct Families([[Vec<[f64; 2]>; 3]; 6]);
-
-/// Z of the families, in half-widths.
-const AT_Z: [f64; 3] = [-1.0, 0.0, 1.0];
+/// Natural frequency of a degree of freedom, Hz, on the six straight ways through the middle, over the
+/// place on the way in half-widths.
+type Ways = [Vec<[f64; 2]>; 6];
 
 /// Runs the command.
 pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -51,21 +49,20 @@ pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
         .collect();
     let presets = presets.ok_or_else(singular)?;
     let map = maps.frequencies(spring, &FREE).ok_or_else(singular)?;
-    let mut families = Families(core::array::from_fn(|_| core::array::from_fn(|_| Vec::new())));
-    for (k, z) in AT_Z.into_iter().enumerate() {
-        for n in -15..=15 {
-            let y = f64::from(n) / 15.0;
-            let place = Place([1.0, y, z, 0.0, 0.0, 0.0]);
+    let mut ways: [Ways; 6] = Default::default();
+    for way in 0..6 {
+        for n in -10..=10 {
+            let mut place = Place([0.0; 6]);
+            place.0[way] = f64::from(n) / 10.0;
             let modes = maps.modes(&maps.at(place), spring, &FREE).ok_or_else(singular)?;
-            for (family, hz) in families.0.iter_mut().zip(modes.held_hz) {
-                family[k].push([y * subject.rig.docking.lateral_m, hz]);
+            for (ways, hz) in ways.iter_mut().zip(modes.held_hz) {
+                ways[way].push([place.0[way], hz]);
             }
         }
     }
     out.save("frequency.csv".to_owned(), &table)?;
     out.plots(
-        plot(&subject, &map, &presets, &families)
-            .map(|svg| vec![("frequency.svg".to_owned(), svg)]),
+        plot(&subject, &map, &presets, &ways).map(|svg| vec![("frequency.svg".to_owned(), svg)]),
     )?;
     let answer = as_json(&subject, &map, &presets);
     out.finish("frequency", &answer, &words(&subject, &map, &presets), json)
@@ -75,46 +72,42 @@ fn plot(
     subject: &Subject,
     map: &FrequencyMap,
     presets: &Presets,
-    families: &Families,
+    ways: &[Ways; 6],
 ) -> Result<String, PlotError> {
-    let docking = &subject.rig.docking;
-    let y = docking.lateral_m;
     let ends: Vec<[Vec<[f64; 2]>; 2]> = map
         .held_hz
         .iter()
-        .map(|s| [s.least.0, s.greatest.0].map(|hz| vec![[-y, hz], [y, hz]]))
+        .map(|s| [s.least.0, s.greatest.0].map(|hz| vec![[-1.0, hz], [1.0, hz]]))
         .collect();
     let panels: Vec<Plot<'_>> = (0..6)
         .map(|i| {
             let figure = [31, 32, 33, 34, 36, 35][i];
-            let mut p = Plot::new(format!("{} (as Fig. {figure})", DOFS[i]))
-                .x_axis(Axis::new("Y from the middle", "m").range(-y..y))
+            let title = format!("{} (as Fig. {figure}): {}", DOFS[i], subject.title());
+            let mut p = Plot::new(title)
+                .x_axis(Axis::new("one coordinate, from the middle to its limits at ±1", ""))
                 .y_axis(Axis::new("natural frequency", "Hz").at_least(1.0))
-                .size(320.0, 190.0);
-            let colours = [Colour::Blue, Colour::Green, Colour::Vermilion];
-            for ((family, z), colour) in families.0[i].iter().zip(AT_Z).zip(colours) {
-                let name = if i == 0 {
-                    format!("Z {:+.2} m", z * docking.lateral_m).replace("+0.00", "0")
-                } else {
-                    String::new()
-                };
-                p = p.line(Line::new(name, family).colour(colour).width(2.0));
+                .margin_left(56.0)
+                .size(485.0, 170.0);
+            for (way, name) in ways[i].iter().zip(DOFS) {
+                p = p.line(Line::new(name, way).width(2.0));
             }
             for (k, end) in ends[i].iter().enumerate() {
-                let name = match (i, k) {
-                    (1, 0) => "least and greatest of all 64 corners",
-                    _ => "",
-                };
+                let name = if k == 0 { "extremes" } else { "" };
                 p = p.line(Line::new(name, end).colour(Colour::Ink).dash(Dash::Dashed).width(1.0));
             }
             p
         })
         .collect();
+    let all = || presets.iter().flat_map(|(_, m)| m.held_hz);
+    let from = all().map(|s| s.least.0).fold(f64::INFINITY, f64::min);
+    let to = all().map(|s| s.greatest.0).fold(0.0, f64::max);
     let mut lanes = Plot::new(format!(
         "{}: natural frequency over the whole docking workspace, presets of the oil volume",
         subject.rig.name
     ))
-    .x_axis(Axis::new("natural frequency, the other five held", "Hz").log())
+    .x_axis(
+        Axis::new("natural frequency, the other five held", "Hz").range(0.9 * from..1.1 * to).log(),
+    )
     .size(980.0, 190.0)
     .margin_left(60.0);
     let colours = [Colour::Blue, Colour::Green, Colour::Vermilion];
@@ -131,13 +124,13 @@ fn plot(
                     range: s.least.0..s.greatest.0,
                     colour,
                     height: 0.7,
-                    label: format!("{:.0}–{:.0} Hz", s.least.0, s.greatest.0),
+                    label: format!("{:.0}–{:.0}", s.least.0, s.greatest.0),
                 }
             })
             .collect();
         lanes = lanes.lane(Lane { name: (*name).to_owned(), bars });
     }
-    sheet(&[&panels[..3], &panels[3..], &[lanes]])
+    sheet(&[&panels[..2], &panels[2..4], &panels[4..], &[lanes]])
 }
 
 fn spans_json(spans: &[Span; 6]) -> Vec<Value> {

@@ -259,45 +259,62 @@ fn response_csv(found: &[Found]) -> String {
     out
 }
 
-/// Poles with a frequency above zero are drawn once, not with their mirror image.
+/// Poles of steps, in Hz; their mirror images below the real axis are left out.
 fn drawn(steps: &[Step]) -> Vec<[f64; 2]> {
-    let hz = core::f64::consts::TAU;
     steps
         .iter()
         .flat_map(|s| &s.poles)
         .filter(|p| p.s[1] >= 0.0 && p.frequency_hz < 200.0)
-        .map(|p| [p.s[0] / hz, p.s[1] / hz])
+        .map(|p| p.s.map(|x| x / core::f64::consts::TAU))
         .collect()
 }
 
 fn plot(found: &[Found]) -> Result<String, PlotError> {
-    // Of every course: all poles, those without and those with the stiffest payload.
-    let maps: Vec<[Vec<[f64; 2]>; 3]> = courses(found)
-        .map(|(_, _, c)| {
-            let n = c.steps.len();
-            [drawn(&c.steps), drawn(&c.steps[..1]), drawn(&c.steps[n - 1..])]
+    // Of every preset: without payload, against rising axial and lateral payloads, and the stiffest.
+    let maps: Vec<[Vec<[f64; 2]>; 5]> = found
+        .iter()
+        .map(|f| {
+            let [axial, lateral] = f.courses.each_ref().map(|c| c.steps.as_slice());
+            let end = |steps: &[Step]| drawn(&steps[steps.len() - 1..]);
+            [drawn(&axial[..1]), drawn(axial), drawn(lateral), end(axial), end(lateral)]
         })
         .collect();
-    // The line of damping 0.1, to 200 Hz.
+    // Damping ratio 0.1 is a ray from the origin.
     let least = [[0.0, 0.0], [-20.0, 20.0 * (1.0f64 / 0.01 - 1.0).sqrt()]];
     let mut rows: Vec<Vec<Plot<'_>>> = Vec::new();
-    for (i, ((f, name, _), [all, free, held])) in courses(found).zip(&maps).enumerate() {
-        let told = |text: &'static str| if i == 0 { text } else { "" };
-        let p = Plot::new(format!("Poles, {}, payload {name}", f.subject.preset.word()))
-            .x_axis(Axis::new("real part / 2π", "Hz").range(-110.0..10.0))
-            .y_axis(Axis::new("imaginary part / 2π", "Hz").range(-5.0..170.0))
-            .size(480.0, 230.0)
-            .line(Line::new(told("damping 0.1"), &least).colour(Colour::Grey).width(1.0))
-            .marker(Marker::new(0.0, if i == 0 { "unstable beyond" } else { "" }))
-            .points(Points::new(told("1e3 to 1e6 N/m"), all).colour(Colour::Amber).radius(1.4))
-            .points(Points::new(told("no payload"), free).colour(Colour::Blue).radius(3.0))
-            .points(Points::new(told("1e6 N/m"), held).colour(Colour::Vermilion).radius(2.2));
-        if i % 2 == 0 {
-            rows.push(Vec::new());
-        }
-        if let Some(row) = rows.last_mut() {
-            row.push(p);
-        }
+    for (f, [free, axial, lateral, stiff_axial, stiff_lateral]) in found.iter().zip(&maps) {
+        let whole = (Axis::new("real part / 2π", "Hz"), Axis::new("imaginary part / 2π", "Hz"));
+        let near = (whole.0.clone().range(-16.0..1.0), whole.1.clone().range(-1.0..16.0));
+        let deepest = free.iter().map(|p| p[0]).fold(-1.0, f64::min);
+        let highest = free.iter().map(|p| p[1]).fold(1.0, f64::max);
+        let whole = (
+            whole.0.range(1.05 * deepest..-0.05 * deepest),
+            whole.1.range(-0.05 * highest..1.1 * highest),
+        );
+        let word = f.subject.preset.word();
+        let row = [
+            (format!("Closed-loop poles, {word}, in the middle"), whole),
+            ("The slow ones, larger".to_owned(), near),
+        ]
+        .map(|(title, (x, y))| {
+            Plot::new(title)
+                .x_axis(x)
+                .y_axis(y)
+                .size(480.0, 230.0)
+                .margin_left(56.0)
+                .line(Line::new("damping 0.1", &least).colour(Colour::Grey).width(1.0))
+                .marker(Marker::new(0.0, "unstable"))
+                .points(Points::new("no payload", free).colour(Colour::Blue).radius(4.5))
+                .points(Points::new("", axial).colour(Colour::Vermilion).radius(1.2))
+                .points(Points::new("", lateral).colour(Colour::Green).radius(1.2))
+                .points(
+                    Points::new("1e6 N/m axial", stiff_axial).colour(Colour::Vermilion).radius(3.0),
+                )
+                .points(
+                    Points::new("1e6 N/m lateral", stiff_lateral).colour(Colour::Green).radius(1.8),
+                )
+        });
+        rows.push(row.into());
     }
     // Change at 10 Hz in the direction of the payload.
     let change: Vec<[Vec<[f64; 2]>; 2]> = courses(found)

@@ -162,6 +162,7 @@ fn plot(subject: &Subject, f: &Found) -> Result<String, PlotError> {
                 .x_axis(axis(a))
                 .y_axis(axis(b))
                 .size(480.0, 380.0)
+                .margin_left(60.0)
                 .equal_aspect()
                 .line(Line::new("attitude of the middle", &s.level).colour(Colour::Blue).width(2.0))
                 .line(
@@ -185,8 +186,10 @@ fn plot(subject: &Subject, f: &Found) -> Result<String, PlotError> {
     };
     let half = half_widths(rig);
     let range = |dofs: [usize; 3], name: &str, unit: &str, scale: f64| {
+        let far = dofs.iter().flat_map(|i| f.workspace.range[*i]).map(f64::abs).fold(0.0, f64::max);
+        let far = 1.05 * scale * far.max(1e-3);
         let mut p = Plot::new(format!("{name}: reach from the middle, one at a time"))
-            .x_axis(Axis::new("displacement from the middle", unit))
+            .x_axis(Axis::new("displacement from the middle", unit).range(-far..far))
             .size(480.0, 120.0)
             .margin_left(60.0)
             .legend("reach", Colour::Blue)
@@ -205,8 +208,13 @@ fn plot(subject: &Subject, f: &Found) -> Result<String, PlotError> {
         }
         p
     };
+    let ends = [
+        rig.legs.iter().map(|l| l.shortest_m).fold(f64::INFINITY, f64::min),
+        rig.legs.iter().map(|l| l.longest_m).fold(0.0, f64::max),
+    ];
+    let room = 0.03 * (ends[1] - ends[0]);
     let mut legs = Plot::new("Legs: length over the docking workspace, and stroke")
-        .x_axis(Axis::new("length from joint to joint", "m"))
+        .x_axis(Axis::new("length from joint to joint", "m").range(ends[0] - room..ends[1] + room))
         .size(970.0, 170.0)
         .margin_left(60.0)
         .legend("stroke of the leg", Colour::Blue)

@@ -375,8 +375,8 @@ impl<'a> Maps<'a> {
         })
     }
 
-    /// Fig. 31–36: natural frequencies over the middle and the 64 corners of the docking workspace.
-    /// `None` when a pose is singular.
+    /// Fig. 31–36: natural frequencies over the 729 places of the docking workspace: that of roll is
+    /// highest on a face, not in a corner. `None` when a pose is singular.
     #[must_use]
     pub fn frequencies(&self, leg_n_m: f64, payload: &PayloadStiffness) -> Option<FrequencyMap> {
         let middle = Place([0.0; 6]);
@@ -389,7 +389,7 @@ impl<'a> Maps<'a> {
             effective_mass_kg: Span::EMPTY,
             stiffness: [Span::EMPTY; 6],
         };
-        for place in core::iter::once(middle).chain(DockingWorkspace::corners()) {
+        for place in DockingWorkspace::grid() {
             let c = self.at(place);
             let modes = self.modes(&c, leg_n_m, payload)?;
             for i in 0..6 {
