@@ -237,14 +237,15 @@ pub(crate) enum AnalyzeCommand {
 }
 
 const WORKSPACE: &str = "\
-Reach is where every stroke and joint has room and no singular pose is near, found on straight ways
-from the middle. The docking workspace is checked at 729 places: middle, corners, edges and faces.
-Tolerance is what the length error of the file makes of the pose at the worst place; payload is what
-can be added before a leg needs more than its force. A rig that does not reach its docking workspace
-is refused with every leg and place (exit code 2), as by `docktwin model check`.
+Reach is where every stroke and joint has room and no singular pose is near, found on straight
+ways from the middle. The docking workspace is checked at 729 places: middle, corners, edges and
+faces. Tolerance is what the length error of the file makes of the pose at the worst place;
+payload is what can be added before a leg needs more than its force. A rig that does not reach
+its docking workspace is refused with every leg and place (exit code 2), as by `docktwin model
+check`.
 
-The directory holds workspace.csv (every place), sections.csv, workspace.svg (Fig. 30 of the paper)
-and workspace.json (what --json prints).
+The directory holds workspace.csv (every place), sections.csv, workspace.svg (Fig. 30 of the
+paper) and workspace.json (what --json prints).
 
 Examples:
   docktwin analyze workspace models/urdf/stewart.toml
@@ -252,33 +253,34 @@ Examples:
   docktwin analyze workspace models/urdf/stewart.toml --seed 7     as built: another plate mass";
 
 const FREQUENCY: &str = "\
-The plate on six oil springs, valves closed. Of every degree of freedom the natural frequency with the
-other five held, and the six modes, at 729 places of the docking workspace: middle, corners, edges and
-faces.
+The plate on six oil springs, valves closed. Of every degree of freedom the natural frequency
+with the other five held, and the six modes, at 729 places of the docking workspace: middle,
+corners, edges and faces.
 
-The directory holds frequency.csv, frequency.svg (Fig. 31 to 36 of the paper) and frequency.json (what
---json prints).
+The directory holds frequency.csv, frequency.svg (Fig. 31 to 36 of the paper) and frequency.json
+(what --json prints).
 
 Examples:
   docktwin analyze frequency models/urdf/stewart.toml
   docktwin analyze frequency models/urdf/stewart.toml --preset stiff --out stiff --json
-  docktwin analyze frequency models/urdf/stewart.toml --seed 7     a rig drawn within the file's spread";
+  docktwin analyze frequency models/urdf/stewart.toml --seed 7   a drawn rig";
 
 const BODE: &str = "\
-One degree of freedom of the port is driven by a repeated swept sine on the running, nonlinear rig, its
-control, friction and dead time included, and all six are measured. Required: at 10 Hz at most 2 dB
-and 70 degrees; from 0.5 to 5 Hz |G| within 10 % (stiff: 5 %) and at most 0.15 in other degrees of
-freedom; modal damping of at least 0.1. Rotations count at the radius of the plate joints.
+One degree of freedom of the port is driven by a repeated swept sine on the running, nonlinear
+rig, its control, friction and dead time included, and all six are measured. Required: at 10 Hz
+at most 2 dB and 70 degrees; from 0.5 to 5 Hz |G| within 10 % (stiff: 5 %) and at most 0.15 in
+other degrees of freedom; modal damping of at least 0.1. Rotations count at the radius of the
+plate joints.
 
-What is measured is where --places says; the linear model covers the middle and all 64 corners. On two
-cores `middle` takes 20 seconds, `sample` (and five corners) two minutes, `all` (and 64 corners) 20
-minutes; one payload takes a third of it.
+What is measured is where --places says; the linear model covers the middle and all 64 corners.
+On two cores `middle` takes 20 seconds, `sample` (and five corners) two minutes, `all` (and 64
+corners) 20 minutes; one payload takes a third of it.
 
 Keys of --set: position_gain_1_s, damping_ratio (of pressure feedback at 2500 kg), high_pass_hz,
 valve_lead_hz (0: none), rate_hz, dead_time_s.
 
-The directory holds bode.csv, poles.csv, bode_DOF.svg (Fig. 39 and 40 of the paper) and bode.json (what
---json prints).
+The directory holds bode.csv, poles.csv, bode_DOF.svg (Fig. 39 and 40 of the paper) and
+bode.json (what --json prints).
 
 Examples:
   docktwin analyze bode models/urdf/stewart.toml --dof x --dof y
@@ -286,10 +288,10 @@ Examples:
   docktwin analyze bode models/urdf/stewart.toml --seed 7 --set position_gain_1_s=20 --json";
 
 const STIFFNESS: &str = "\
-Poles and 10 Hz response of the linear model, controllers, sampling and dead time included, against a
-spring of 0 to 1e6 N/m at the port, along X (axial) and along Y (lateral): in the middle at many
-stiffnesses, at the 64 corners at both ends. Beside it the same with the bulk modulus half as large
-again, as the paper's oil without air. Takes a few seconds.
+Poles and 10 Hz response of the linear model, controllers, sampling and dead time included,
+against a spring of 0 to 1e6 N/m at the port, along X (axial) and along Y (lateral): in the
+middle at many stiffnesses, at the 64 corners at both ends. Beside it the same with the bulk
+modulus half as large again, as the paper's oil without air. Takes a few seconds.
 
 Keys of --set: as of `docktwin analyze bode`.
 

@@ -255,6 +255,10 @@ impl Layout {
         let left = p.left.unwrap_or(named + widest + 10.0).clamp(8.0, 0.6 * p.width);
         let x_ticks = ticks(&p.x, x, ((p.width - left) / 75.0).clamp(2.0, 12.0));
 
+        // A label under the end of the axis reaches beyond it.
+        let end = x_ticks.at.last().filter(|t| !p.equal && t.0 > x[1] - 0.01 * (x[1] - x[0]));
+        let right = end.map_or(right, |(_, l)| right.max(0.5 * text_width(l, LABEL) + 2.0));
+
         let (legend, legend_rows) = legend(p);
         let (labels, label_rows) = labels(p, x, left, right);
         let title = if p.title.is_empty() { 4.0 } else { TITLE + 8.0 };

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use super::{
     Results,
     plots::sheet,
-    rig::{Changes, DOFS, PLACE_COLUMNS, Subject, middle_and_corners, singular},
+    rig::{DOFS, PLACE_COLUMNS, Subject, at_json, middle_and_corners, singular},
 };
 use crate::{
     cli::{BodeArgs, PayloadArg, PlacesArg},
@@ -289,8 +289,7 @@ pub(super) fn in_parallel<T: Send>(
 
 /// Runs the command.
 pub(super) fn run(args: &BodeArgs, json: bool) -> Result<ExitCode, Failure> {
-    let changes = Changes::read(&args.set)?;
-    let subject = Subject::load(&args.rig, json)?;
+    let (subject, changes) = Subject::load_and_change(&args.rig, &args.set, json)?;
     let mut out = Results::new(args.rig.out.as_deref(), &format!("{}-bode", subject.rig.name))?;
     let mut setup = subject.setup(&changes);
     if args.ideal {
@@ -507,7 +506,7 @@ fn as_json(work: &Work<'_>, cases: &[Case], linear: &[Linear], v: &Verdict) -> V
                 "payload": p.name,
                 "measured": v.measured[i].json(),
                 "linear_everywhere": linear[i].worst.json(),
-                "least_modal_damping": super::rig::at_json(linear[i].damping),
+                "least_modal_damping": at_json(linear[i].damping),
                 "slowest_pole_hz": linear[i].poles.first().map(|p| p.frequency_hz),
                 "measured_against_linear": cases
                     .iter()

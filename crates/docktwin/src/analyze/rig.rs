@@ -25,13 +25,29 @@ pub(super) struct Subject {
 impl Subject {
     /// Reads a rig; without a preset, with that of the file.
     pub(super) fn load(args: &RigArgs, json: bool) -> Result<Self, Failure> {
-        let loaded = load_rig(&args.rig)?;
+        Ok(Self::load_and_change(args, &[], json)?.0)
+    }
+
+    /// Reads a rig, and settings of its leg control; all problems of both at once.
+    pub(super) fn load_and_change(
+        args: &RigArgs,
+        set: &[String],
+        json: bool,
+    ) -> Result<(Self, Changes), Failure> {
+        let (loaded, changes) = match (load_rig(&args.rig), Changes::read(set)) {
+            (Ok(loaded), Ok(changes)) => (loaded, changes),
+            (loaded, changes) => {
+                let mut problems = loaded.err().map(|e| e.problems).unwrap_or_default();
+                problems.extend(changes.err().unwrap_or_default());
+                return Err(Failure::Input { problems });
+            }
+        };
         if !json {
             loaded.notes.iter().for_each(|n| eprintln!("note: {n}"));
         }
         let file = loaded.model;
         let preset = args.preset.map_or(file.hydraulics.default_preset, |p| p.preset());
-        Ok(Self::of(file, preset, args.seed))
+        Ok((Self::of(file, preset, args.seed), changes))
     }
 
     pub(super) fn of(file: Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
@@ -144,44 +160,42 @@ const KEYS: [Key; 6] = [
 ];
 
 impl Changes {
-    /// From `KEY=VALUE`, all problems at once.
-    pub(super) fn read(set: &[String]) -> Result<Self, Failure> {
+    /// From `KEY=VALUE`.
+    fn read(set: &[String]) -> Result<Self, Vec<Problem>> {
         let mut out = Self::default();
         let mut problems = Vec::new();
-        for (key, value) in crate::commands::overrides(set)? {
-            let problem = |what: &str, unit: &str, allowed: String, remedy: &str| Problem {
+        for text in set {
+            let (key, value) = text.split_once('=').unwrap_or((text, ""));
+            let (key, value) = (key.trim(), value.trim());
+            let problem = |what: &str, unit: &str, allowed: &str, remedy: &str| Problem {
                 file: "--set".into(),
-                key: key.clone(),
-                value: value.clone(),
+                key: key.to_owned(),
+                value: value.to_owned(),
                 unit: unit.to_owned(),
                 what: what.to_owned(),
-                allowed,
+                allowed: allowed.to_owned(),
                 remedy: remedy.to_owned(),
                 ..Problem::default()
             };
             let Some(i) = KEYS.iter().position(|k| k.0 == key) else {
                 let known = KEYS.map(|k| k.0).join(", ");
-                problems.push(problem("is no setting of the leg control", "", known, "name one"));
+                problems.push(problem("is no setting of the leg control", "", &known, "name one"));
                 continue;
             };
             let (_, unit, allowed, right) = KEYS[i];
             match value.parse::<f64>() {
                 Ok(x) if right(x) => out.0[i] = Some(x),
-                Ok(_) => problems.push(problem(
-                    "is out of range",
-                    unit,
-                    allowed.to_owned(),
-                    "give a value in the range",
-                )),
-                Err(_) => problems.push(problem(
-                    "is not a number",
-                    "",
-                    allowed.to_owned(),
-                    "give a number",
-                )),
+                Ok(_) => {
+                    let remedy = "give a value in the range";
+                    problems.push(problem("is out of range", unit, allowed, remedy));
+                }
+                Err(_) => {
+                    let remedy = "write it as --set KEY=NUMBER";
+                    problems.push(problem("is not a number", "", allowed, remedy));
+                }
             }
         }
-        if problems.is_empty() { Ok(out) } else { Err(Failure::Input { problems }) }
+        if problems.is_empty() { Ok(out) } else { Err(problems) }
     }
 
     fn apply(&self, setup: &mut RigSetup) {
@@ -206,17 +220,14 @@ mod tests {
 
     #[test]
     fn invariant_wrong_settings_are_told_all_at_once() {
-        let set =
-            |all: &[&str]| Changes::read(&all.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>());
-        let told = set(&["rate_hz=3000", "kp=20", "high_pass_hz=low", "dead_time_s=0.001"])
-            .expect_err("three are wrong")
-            .to_string();
-        for part in
-            ["3 problems", "rate_hz = 3000 Hz", "kp = 20", "position_gain_1_s", "not a number"]
-        {
-            assert!(told.contains(part), "{part}: {told}");
-        }
-        assert_eq!(set(&["rate_hz=2000"]).expect("right").0[4], Some(2000.0));
-        assert!(set(&["damping_ratio=NaN"]).is_err());
+        let read = |set: &[&str]| {
+            Changes::read(&set.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>())
+                .map_err(|all| all.iter().map(|p| p.key.clone()).collect::<Vec<_>>())
+        };
+        let wrong =
+            ["rate_hz=3000", "kp=20", "dead_time_s=0.001", "high_pass_hz", "damping_ratio=NaN"];
+        let told = read(&wrong).expect_err("four are wrong");
+        assert_eq!(told, ["rate_hz", "kp", "high_pass_hz", "damping_ratio"]);
+        assert_eq!(read(&["rate_hz = 2000"]).expect("right").0[4], Some(2000.0));
     }
 }

@@ -192,8 +192,7 @@ impl Found {
 
 /// Runs the command.
 pub(super) fn run(args: &StiffnessArgs, json: bool) -> Result<ExitCode, Failure> {
-    let changes = Changes::read(&args.set)?;
-    let subject = Subject::load(&args.rig, json)?;
+    let (subject, changes) = Subject::load_and_change(&args.rig, &args.set, json)?;
     let mut out =
         Results::new(args.rig.out.as_deref(), &format!("{}-stiffness", subject.rig.name))?;
     let presets: Vec<HydraulicPreset> = match args.rig.preset {
@@ -259,14 +258,18 @@ fn response_csv(found: &[Found]) -> String {
     out
 }
 
-/// Poles of steps, in Hz; their mirror images below the real axis are left out.
+/// Poles of steps, in Hz; without mirror images below the real axis, and where they move less than is
+/// seen, one stands for all.
 fn drawn(steps: &[Step]) -> Vec<[f64; 2]> {
-    steps
-        .iter()
-        .flat_map(|s| &s.poles)
-        .filter(|p| p.s[1] >= 0.0 && p.frequency_hz < 200.0)
-        .map(|p| p.s.map(|x| x / core::f64::consts::TAU))
-        .collect()
+    let mut out: Vec<[f64; 2]> = Vec::new();
+    for p in steps.iter().flat_map(|s| &s.poles) {
+        let at = p.s.map(|x| x / core::f64::consts::TAU);
+        let new = out.iter().all(|q| (q[0] - at[0]).hypot(q[1] - at[1]) > 0.03);
+        if p.s[1] >= 0.0 && p.frequency_hz < 200.0 && new {
+            out.push(at);
+        }
+    }
+    out
 }
 
 fn plot(found: &[Found]) -> Result<String, PlotError> {
