@@ -382,16 +382,22 @@ impl Bench {
         })
     }
 
-    /// Response of the linear model at `hz` from one degree of freedom, scaled as a measured
+    /// Response of the linear model at `hz` from every degree of freedom, scaled as a measured
     /// [`Point`].
     #[must_use]
-    pub fn linear_point(&self, linear: &LinearRig, dof: usize, hz: f64) -> Option<Point> {
+    pub fn linear_points(&self, linear: &LinearRig, hz: f64) -> Option<[Point; 6]> {
         let g = linear.response(hz)?;
         let lever = |i: usize| if i < 3 { 1.0 } else { self.lever_m };
-        Some(Point {
+        Some(core::array::from_fn(|dof| Point {
             hz,
             response: core::array::from_fn(|i| g[(i, dof)] * (lever(i) / lever(dof))),
             coherence: 1.0,
-        })
+        }))
+    }
+
+    /// [`Bench::linear_points`] from one degree of freedom.
+    #[must_use]
+    pub fn linear_point(&self, linear: &LinearRig, dof: usize, hz: f64) -> Option<Point> {
+        self.linear_points(linear, hz)?.get(dof).copied()
     }
 }

@@ -32,7 +32,7 @@ fn amplitude(dof: usize) -> f64 {
     if dof < 3 { 2e-3 } else { 1e-3 }
 }
 
-/// A sample of what `examples/rig_bode.rs` measures everywhere: 10 Hz and 0–5 Hz with 2 mm.
+/// A sample of what `docktwin analyze bode` measures everywhere: 10 Hz and 0–5 Hz with 2 mm.
 #[test]
 fn oracle_the_rig_meets_its_requirements_at_a_sample_of_places() {
     let rig = file();

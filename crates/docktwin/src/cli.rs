@@ -222,6 +222,192 @@ pub(crate) enum AnalyzeCommand {
     /// Put the mechanism on a test bench: force over displacement on every axis, coupling, contact
     #[command(after_help = MECHANISM)]
     Mechanism(MechanismArgs),
+    /// Where a rig reaches: does the docking workspace fit, tolerance, range and payload
+    #[command(after_help = WORKSPACE)]
+    Workspace(RigArgs),
+    /// Natural frequency of a rig per degree of freedom over its docking workspace
+    #[command(after_help = FREQUENCY)]
+    Frequency(RigArgs),
+    /// Frequency response of the running rig by swept sine, its linear model laid over it
+    #[command(after_help = BODE)]
+    Bode(BodeArgs),
+    /// How the closed loop of a rig moves with the stiffness of its payload, 0 to 1e6 N/m
+    #[command(after_help = STIFFNESS)]
+    Stiffness(StiffnessArgs),
+}
+
+const WORKSPACE: &str = "\
+Reach is where every stroke and joint has room and no singular pose is near, found on straight
+ways from the middle. The docking workspace is checked at 729 places: middle, corners, edges and
+faces. Tolerance is what the length error of the file makes of the pose at the worst place;
+payload is what can be added before a leg needs more than its force. A rig that does not reach
+its docking workspace is refused with every leg and place (exit code 2), as by `docktwin model
+check`.
+
+The directory holds workspace.csv (every place), sections.csv, workspace.svg (Fig. 30 of the
+paper) and workspace.json (what --json prints).
+
+Examples:
+  docktwin analyze workspace models/urdf/stewart.toml
+  docktwin analyze workspace mine.toml --out reach --json
+  docktwin analyze workspace models/urdf/stewart.toml --seed 7     as built: another plate mass";
+
+const FREQUENCY: &str = "\
+The plate on six oil springs, valves closed. Of every degree of freedom the natural frequency
+with the other five held, and the six modes, at 729 places of the docking workspace: middle,
+corners, edges and faces.
+
+The directory holds frequency.csv, frequency.svg (Fig. 31 to 36 of the paper) and frequency.json
+(what --json prints).
+
+Examples:
+  docktwin analyze frequency models/urdf/stewart.toml
+  docktwin analyze frequency models/urdf/stewart.toml --preset stiff --out stiff --json
+  docktwin analyze frequency models/urdf/stewart.toml --seed 7   a drawn rig";
+
+const BODE: &str = "\
+One degree of freedom of the port is driven by a repeated swept sine on the running, nonlinear
+rig, its control, friction and dead time included, and all six are measured. Required: at 10 Hz
+at most 2 dB and 70 degrees; from 0.5 to 5 Hz |G| within 10 % (stiff: 5 %) and at most 0.15 in
+other degrees of freedom; modal damping of at least 0.1. Rotations count at the radius of the
+plate joints.
+
+What is measured is where --places says; the linear model covers the middle and all 64 corners.
+On two cores `middle` takes 20 seconds, `sample` (and five corners) two minutes, `all` (and 64
+corners) 20 minutes; one payload takes a third of it.
+
+Keys of --set: position_gain_1_s, damping_ratio (of pressure feedback at 2500 kg), high_pass_hz,
+valve_lead_hz (0: none), rate_hz, dead_time_s.
+
+The directory holds bode.csv, poles.csv, bode_DOF.svg (Fig. 39 and 40 of the paper) and
+bode.json (what --json prints).
+
+Examples:
+  docktwin analyze bode models/urdf/stewart.toml --dof x --dof y
+  docktwin analyze bode models/urdf/stewart.toml --preset stiff --places sample --payload none
+  docktwin analyze bode models/urdf/stewart.toml --seed 7 --set position_gain_1_s=20 --json";
+
+const STIFFNESS: &str = "\
+Poles and 10 Hz response of the linear model, controllers, sampling and dead time included,
+against a spring of 0 to 1e6 N/m at the port, along X (axial) and along Y (lateral): in the
+middle at many stiffnesses, at the 64 corners at both ends. Beside it the same with the bulk
+modulus half as large again, as the paper's oil without air. Takes a few seconds.
+
+Keys of --set: as of `docktwin analyze bode`.
+
+The directory holds poles.csv, response.csv, poles.svg and stiffness.json (what --json prints).
+
+Examples:
+  docktwin analyze stiffness models/urdf/stewart.toml
+  docktwin analyze stiffness models/urdf/stewart.toml --preset printed --out poles --json
+  docktwin analyze stiffness models/urdf/stewart.toml --set damping_ratio=0.3 --set high_pass_hz=2";
+
+/// What every analysis of a rig can be told.
+#[derive(Debug, Args)]
+pub(crate) struct RigArgs {
+    /// TOML or URDF of the rig, the other beside it
+    pub(crate) rig: PathBuf,
+    /// Oil volume [default: as the file says; `stiffness`: all]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<PresetArg>,
+    /// Draw the rig as built within the spread of its file; controllers still believe the file
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Directory of the results; by default a new one under `analysis`.
+    #[arg(long, value_name = "DIR", help = "Directory [default: analysis/<rig>-<command>-<utc>]")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// Options of `analyze bode`.
+#[derive(Debug, Args)]
+pub(crate) struct BodeArgs {
+    #[command(flatten)]
+    pub(crate) rig: RigArgs,
+    /// Where in the docking workspace to measure
+    #[arg(long, value_enum, default_value_t = PlacesArg::Middle)]
+    pub(crate) places: PlacesArg,
+    /// Spring of 1e6 N/m at the port
+    #[arg(long, value_enum, default_value_t = PayloadArg::All)]
+    pub(crate) payload: PayloadArg,
+    /// Degree of freedom to drive, repeatable [default: all]
+    #[arg(long, value_enum)]
+    pub(crate) dof: Vec<AxisArg>,
+    /// Amplitude, mm; of a rotation at the radius of the plate joints
+    #[arg(long, value_name = "MM", default_value_t = 2.0, value_parser = amplitude_mm)]
+    pub(crate) amplitude_mm: f64,
+    /// Override a setting of the leg control, repeatable
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Give the wanted motion ahead by the valve's delay, as a predictor knows it
+    #[arg(long)]
+    pub(crate) foreseen: bool,
+    /// Leave out friction, null bias and orifice: the linear range
+    #[arg(long)]
+    pub(crate) ideal: bool,
+}
+
+/// Options of `analyze stiffness`.
+#[derive(Debug, Args)]
+pub(crate) struct StiffnessArgs {
+    #[command(flatten)]
+    pub(crate) rig: RigArgs,
+    /// Override a setting of the leg control, repeatable
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+}
+
+fn amplitude_mm(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x <= 50.0 => Ok(x),
+        _ => Err("an amplitude is a number of millimetres above 0, at most 50".to_owned()),
+    }
+}
+
+/// Oil volume of the legs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PresetArg {
+    /// The paper's Table 1 as printed
+    Printed,
+    /// What belongs to the stroke
+    Consistent,
+    /// A tenth of the printed one, with a bypass leak
+    Stiff,
+}
+
+impl PresetArg {
+    /// The preset of the rig.
+    pub(crate) const fn preset(self) -> docktwin_model::HydraulicPreset {
+        use docktwin_model::HydraulicPreset;
+        match self {
+            Self::Printed => HydraulicPreset::Printed,
+            Self::Consistent => HydraulicPreset::Consistent,
+            Self::Stiff => HydraulicPreset::Stiff,
+        }
+    }
+}
+
+/// Where in the docking workspace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PlacesArg {
+    /// Its middle
+    Middle,
+    /// Its middle and five corners
+    Sample,
+    /// Its middle and all 64 corners
+    All,
+}
+
+/// What the plate touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PayloadArg {
+    /// Nothing
+    None,
+    /// A spring along X
+    Axial,
+    /// A spring along Y
+    Lateral,
+    /// One after the other
+    All,
 }
 
 const MECHANISM: &str = "\

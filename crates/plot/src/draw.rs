@@ -255,6 +255,10 @@ impl Layout {
         let left = p.left.unwrap_or(named + widest + 10.0).clamp(8.0, 0.6 * p.width);
         let x_ticks = ticks(&p.x, x, ((p.width - left) / 75.0).clamp(2.0, 12.0));
 
+        // A label under the end of the axis reaches beyond it.
+        let end = x_ticks.at.last().filter(|t| !p.equal && t.0 > x[1] - 0.01 * (x[1] - x[0]));
+        let right = end.map_or(right, |(_, l)| right.max(0.5 * text_width(l, LABEL) + 2.0));
+
         let (legend, legend_rows) = legend(p);
         let (labels, label_rows) = labels(p, x, left, right);
         let title = if p.title.is_empty() { 4.0 } else { TITLE + 8.0 };
@@ -388,12 +392,15 @@ fn draw(p: &Plot<'_>, l: &Layout, total: f64, body: &mut String) -> Result<(), S
         (unit, e) => format!("{}, {} {unit}", axis.name, ticks::power(e)),
     };
     let (x_name, y_name) = (name(&p.x, l.x_ticks.exponent), name(&p.y, l.y_ticks.exponent));
+    // A name longer than a low plot is high would lose its ends.
+    let room = l.top.min(l.bottom) * 2.0 + p.height;
+    let names = LABEL * (room / text_width(&y_name, LABEL).max(1.0)).clamp(0.6, 1.0);
     let mut mesh = chart.configure_mesh();
     mesh.bold_line_style(line_style(Ink::of(GRID).rgb(), 1.0, 0.8))
         .light_line_style(line_style(Ink::of(GRID).rgb(), 0.0, 0.8))
         .axis_style(line_style(Ink::of(MUTED).rgb(), 0.7, 0.8))
         .label_style(text(LABEL, MUTED, HPos::Center, VPos::Center))
-        .axis_desc_style(text(LABEL, MUTED, HPos::Center, VPos::Center))
+        .axis_desc_style(text(names, MUTED, HPos::Center, VPos::Center))
         .set_all_tick_mark_size(fine_u(3.0))
         .x_desc(x_name.as_str());
     if p.lanes.is_empty() {
@@ -736,6 +743,37 @@ mod tests {
             v().fold(f64::NEG_INFINITY, f64::max) - v().fold(f64::INFINITY, f64::min)
         };
         assert!((extent(0) / extent(1) - 1.0).abs() < 0.01, "{} {}", extent(0), extent(1));
+    }
+
+    #[test]
+    fn invariant_the_name_of_the_vertical_axis_is_not_cut() {
+        let points = [[0.0, -1e4], [1.0, 2e4]];
+        for (name, height) in [("natural frequency of the lowest mode", 60.0), ("gain", 200.0)] {
+            let svg = Plot::new("")
+                .y_axis(Axis::new(name, "kHz"))
+                .line(Line::new("", &points))
+                .size(300.0, height)
+                .svg(Embed::Page)
+                .unwrap();
+            let doc = parse(&svg);
+            let box_height: f64 = doc
+                .root_element()
+                .attribute("viewBox")
+                .and_then(|b| b.split(' ').nth(3)?.parse().ok())
+                .unwrap();
+            let text = doc
+                .descendants()
+                .find(|n| n.attribute("transform").is_some_and(|t| t.starts_with("rotate")))
+                .unwrap();
+            let number = |k: &str| text.attribute(k).unwrap().parse::<f64>().unwrap();
+            // Turned, the ascenders point left and the text runs upwards, both ways from the middle.
+            assert!(number("x") + number("dy") - 0.8 * number("font-size") >= 3.0, "{svg}");
+            let half = 0.5 * text_width(text.text().unwrap(), number("font-size"));
+            assert!(
+                number("y") - half >= 0.0 && number("y") + half <= box_height,
+                "{name}: {half}"
+            );
+        }
     }
 
     #[test]

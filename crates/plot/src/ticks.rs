@@ -46,6 +46,8 @@ pub(crate) fn log(from: f64, to: f64) -> Ticks {
         span if span > 1.2 => &[1.0, 3.0],
         _ => &[1.0, 2.0, 3.0, 5.0, 7.0],
     };
+    // Powers or plain numbers, not both on one axis.
+    let plain = from >= -3.0 - 1e-9 && to < 5.3;
     let mut at = Vec::new();
     #[expect(clippy::cast_possible_truncation, reason = "exponents of f64")]
     for e in from.floor() as i32..=to.ceil() as i32 {
@@ -53,7 +55,7 @@ pub(crate) fn log(from: f64, to: f64) -> Ticks {
             let x = f64::from(e) + d.log10();
             if (from - 1e-9..=to + 1e-9).contains(&x) {
                 let decimals = usize::try_from(-e).unwrap_or(0);
-                let text = if (-3..=5).contains(&e) {
+                let text = if plain {
                     number(d * 10f64.powi(e), decimals)
                 } else if *d > 1.0 {
                     format!("{d}·{}", power(e))
@@ -113,6 +115,7 @@ mod tests {
     fn oracle_decades() {
         assert_eq!(labels(&log(-1.0, 2.0)), ["0.1", "1", "10", "100"]);
         assert_eq!(labels(&log(0.0, 1.0)), ["1", "2", "3", "5", "7", "10"]);
+        assert_eq!(labels(&log(3.0, 6.0)), ["10³", "10⁴", "10⁵", "10⁶"]);
         assert_eq!(labels(&log(-8.0, -5.0)), ["10⁻⁸", "10⁻⁷", "10⁻⁶", "10⁻⁵"]);
     }
 }

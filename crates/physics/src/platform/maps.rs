@@ -226,28 +226,41 @@ impl<'a> Maps<'a> {
         self.rig.plate_from_docking(&x_34)
     }
 
+    /// Whether the plate can be there: strokes and joints have room, and no singular pose is near.
+    fn reached(&self, x_bp: &Pose) -> bool {
+        let r = self.reach(x_bp);
+        r.reached() && r.singularity > 0.02
+    }
+
     /// How far the plate goes from the middle along a direction (as [`Maps::displaced`], of any
     /// length) until a stroke or a joint ends, or it comes near a singular pose: a factor of the
     /// direction, at most `most`, to 1e-4 of a step of a hundredth of `most`. The first end counts:
     /// what lies beyond cannot be reached on this way.
     #[must_use]
     pub fn reach_along(&self, offset_m: DVec3, turn_rad: DVec3, most: f64) -> f64 {
-        let reached = |s: f64| {
-            let r = self.reach(&self.displaced(offset_m * s, turn_rad * s));
-            r.reached() && r.singularity > 0.02
-        };
-        let step = most / 100.0;
-        let Some(first) = (1..=100).find(|n| !reached(f64::from(*n) * step)) else { return most };
-        let (mut inside, mut outside) = (f64::from(first - 1) * step, f64::from(first) * step);
-        while outside - inside > 1e-4 * step {
-            let middle = 0.5 * (inside + outside);
-            if reached(middle) {
-                inside = middle;
-            } else {
-                outside = middle;
-            }
-        }
-        inside
+        first_end(most, |s| self.reached(&self.displaced(offset_m * s, turn_rad * s)))
+    }
+
+    /// As [`Maps::reach_along`], with the attitude `R_34` all the way; 0 where the middle itself
+    /// cannot be reached in it.
+    #[must_use]
+    pub fn reach_turned(&self, offset_m: DVec3, attitude: DQuat, most: f64) -> f64 {
+        first_end(most, |s| {
+            let x_34 = Pose::new(self.rig.docking.middle_m + offset_m * s, attitude);
+            self.reached(&self.rig.plate_from_docking(&x_34))
+        })
+    }
+
+    /// Factor of all half-widths of the docking workspace up to which its 729 places (edges, faces
+    /// and corners) are in reach, at most `most`.
+    #[must_use]
+    pub fn growth(&self, most: f64) -> f64 {
+        first_end(most, |s| {
+            DockingWorkspace::grid().all(|place| {
+                let x_34 = self.rig.docking.pose(place.0.map(|x| x * s));
+                self.reached(&self.rig.plate_from_docking(&x_34))
+            })
+        })
     }
 
     /// How far every single degree of freedom goes from the middle, down and up: m and rad.
@@ -362,8 +375,8 @@ impl<'a> Maps<'a> {
         })
     }
 
-    /// Fig. 31–36: natural frequencies over the middle and the 64 corners of the docking workspace.
-    /// `None` when a pose is singular.
+    /// Fig. 31–36: natural frequencies over the 729 places of the docking workspace: that of roll is
+    /// highest on a face, not in a corner. `None` when a pose is singular.
     #[must_use]
     pub fn frequencies(&self, leg_n_m: f64, payload: &PayloadStiffness) -> Option<FrequencyMap> {
         let middle = Place([0.0; 6]);
@@ -376,7 +389,7 @@ impl<'a> Maps<'a> {
             effective_mass_kg: Span::EMPTY,
             stiffness: [Span::EMPTY; 6],
         };
-        for place in core::iter::once(middle).chain(DockingWorkspace::corners()) {
+        for place in DockingWorkspace::grid() {
             let c = self.at(place);
             let modes = self.modes(&c, leg_n_m, payload)?;
             for i in 0..6 {
@@ -466,4 +479,21 @@ impl<'a> Maps<'a> {
                 .min(PAPER_ATTITUDE_RAD / out.attitude_error_rad);
         Some(out)
     }
+}
+
+/// Where on the way from 0 to `most` a condition first ends, in steps of a hundredth, to 1e-4 of a
+/// step.
+fn first_end(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    let step = most / 100.0;
+    let Some(first) = (1..=100).find(|n| !holds(f64::from(*n) * step)) else { return most };
+    let (mut inside, mut outside) = (f64::from(first - 1) * step, f64::from(first) * step);
+    while outside - inside > 1e-4 * step {
+        let middle = 0.5 * (inside + outside);
+        if holds(middle) {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    inside
 }

@@ -78,6 +78,12 @@ impl Platform {
         }
     }
 
+    /// Mean distance of the plate joints from their middle, m.
+    #[must_use]
+    pub const fn plate_radius_m(&self) -> f64 {
+        self.plate_radius_m
+    }
+
     /// Plate in the middle of the docking workspace, `X_bp`.
     #[must_use]
     pub fn middle(&self) -> Pose {
