@@ -17,8 +17,9 @@ use docktwin_model::{DockingWorkspace, Rig, load_rig};
 use docktwin_physics::{
     hydraulics::LegParameters,
     platform::Platform,
-    rig::{ReducedRig, RigState},
+    rig::{ReducedRig, RigPlant, RigState},
 };
+use docktwin_twin::rig::FullRig;
 use serde_json::{Value, json};
 
 /// Of the six axes of the trajectory; the Python side has the same.
@@ -63,6 +64,9 @@ pub(crate) struct Release {
     /// Time between two poses in the result, s
     #[arg(long, default_value_t = 0.01)]
     sample_s: f64,
+    /// The rig with all its bodies, in rapier, instead of the reduced one
+    #[arg(long)]
+    full: bool,
     /// How often the motion is repeated for its cost
     #[arg(long, default_value_t = 1)]
     laps: u32,
@@ -153,28 +157,6 @@ fn forces(args: &Forces) -> Result<Value, String> {
     }))
 }
 
-/// A rig that can be let go: what a contender has to do.
-trait Released {
-    fn step(&mut self) -> Result<(), String>;
-    fn x_bp(&self) -> Pose;
-}
-
-/// The reduced rig on oil springs without loss.
-struct Reduced<'a> {
-    rig: &'a ReducedRig,
-    state: RigState,
-}
-
-impl Released for Reduced<'_> {
-    fn step(&mut self) -> Result<(), String> {
-        self.rig.step(&mut self.state, &[0.0; 6], |_, _| Wrench::ZERO).map_err(|e| e.to_string())
-    }
-
-    fn x_bp(&self) -> Pose {
-        self.state.x_bp
-    }
-}
-
 /// The leg of a file as a mere spring.
 fn spring(rig: &Rig, stiffness_n_m: Option<f64>) -> LegParameters {
     let mut leg = LegParameters::of_rig(rig, rig.hydraulics.default_preset).ideal();
@@ -220,13 +202,11 @@ fn release(args: &Release) -> Result<Value, String> {
     let rig = ReducedRig::new(Platform::new(&file), &[leg; 6], step_s);
     let start = let_go(&rig, &file, args.place)?;
     let samples = count(args.until_s, args.sample_s);
-    let mut poses = Vec::new();
-    let mut cpu_s = 0.0;
-    for _ in 0..args.laps.max(1) {
-        let (p, spent) = lap(&mut Reduced { rig: &rig, state: start }, samples, per_sample)?;
-        poses = p;
-        cpu_s += spent / f64::from(args.laps.max(1));
-    }
+    let (poses, cpu_s) = if args.full {
+        laps(&mut FullRig::new(&file, &[leg; 6], step_s), start, samples, per_sample, args.laps)?
+    } else {
+        laps(&mut rig.clone(), start, samples, per_sample, args.laps)?
+    };
     Ok(json!({
         "spring_n_m": leg.oil.oil_spring_n_m(),
         "step_s": step_s,
@@ -237,23 +217,31 @@ fn release(args: &Release) -> Result<Value, String> {
     }))
 }
 
-/// Poses at all samples, and the processor time of the steps alone, s.
-fn lap(
-    rig: &mut impl Released,
+/// Poses at all samples, and the processor time of the steps of one lap, s.
+fn laps(
+    rig: &mut impl RigPlant,
+    start: RigState,
     samples: u32,
     per_sample: u32,
+    laps: u32,
 ) -> Result<(Vec<[f64; 7]>, f64), String> {
-    let mut poses = vec![numbers(&rig.x_bp())];
+    let laps = laps.max(1);
+    let mut poses = Vec::new();
     let mut spent = 0.0;
-    for _ in 0..samples {
-        let clock = ThreadTime::now();
-        for _ in 0..per_sample {
-            rig.step()?;
+    for _ in 0..laps {
+        rig.rest(&start.x_bp, &Wrench::ZERO).map_err(|e| e.to_string())?;
+        let mut s = start;
+        poses = vec![numbers(&s.x_bp)];
+        for _ in 0..samples {
+            let clock = ThreadTime::now();
+            for _ in 0..per_sample {
+                rig.advance(&mut s, &[0.0; 6], |_, _| Wrench::ZERO).map_err(|e| e.to_string())?;
+            }
+            spent += clock.elapsed().as_secs_f64();
+            poses.push(numbers(&s.x_bp));
         }
-        spent += clock.elapsed().as_secs_f64();
-        poses.push(numbers(&rig.x_bp()));
     }
-    Ok((poses, spent))
+    Ok((poses, spent / f64::from(laps)))
 }
 
 /// Plate in the ground, `X_bp`: x, y, z (m), then the quaternion x, y, z, w.
