@@ -57,6 +57,12 @@ impl Results {
         Ok(Self { directory, files: Vec::new() })
     }
 
+    /// Where a file goes that somebody else writes.
+    fn file(&mut self, name: &str) -> PathBuf {
+        self.files.push(name.to_owned());
+        self.directory.join(name)
+    }
+
     fn save(&mut self, name: String, text: &str) -> Result<(), Failure> {
         let path = self.directory.join(&name);
         std::fs::write(&path, text).map_err(|e| unwritable(&path, &e))?;

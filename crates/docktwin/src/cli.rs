@@ -245,11 +245,14 @@ its docking workspace is refused with every leg and place (exit code 2), as by `
 check`.
 
 The directory holds workspace.csv (every place), sections.csv, workspace.svg (Fig. 30 of the
-paper) and workspace.json (what --json prints).
+paper), workspace.json (what --json prints), and rig.rrd for the viewer: the rig on its way through
+all corners, legs coloured by what is left of their strokes, docking workspace inside the reachable
+one.
 
 Examples:
   docktwin analyze workspace models/urdf/stewart.toml
   docktwin analyze workspace mine.toml --out reach --json
+  docktwin view reach                                              the rig in the viewer
   docktwin analyze workspace models/urdf/stewart.toml --seed 7     as built: another plate mass";
 
 const FREQUENCY: &str = "\

@@ -41,6 +41,8 @@ pub(crate) fn run(args: &ViewArgs, json: bool) -> Result<ExitCode, Failure> {
     let viewer = Viewer::find(args.viewer.as_deref())?;
     let made = viewer.dir.0.join("run.rrd");
     let file = match (&args.run, args.compare.as_slice()) {
+        // What `analyze workspace` left.
+        (Some(dir), _) if dir.join("rig.rrd").is_file() => dir.join("rig.rrd"),
         (Some(run), _) => {
             let kept = run.join("run.rrd");
             // A run that was cut off left a picture that ends earlier than its log.

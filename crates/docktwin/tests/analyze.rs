@@ -159,6 +159,7 @@ fn oracle_the_workspace_holds_the_docking_box() {
         assert_eq!(v["meets_the_paper"][key], true, "{key}");
     }
     drawn(dir.path(), "workspace.svg");
+    assert!(docktwin_view::is_whole(&dir.path().join("rig.rrd")));
 }
 
 #[test]

@@ -126,7 +126,7 @@ pub(crate) fn rig(position: DVec3, target: DVec3) -> Layout {
                 shares: vec![3.0, 3.0, 2.0],
                 children: vec![
                     plot("Room of each leg to its nearer end, m", paths::RIG_ROOM, legend()),
-                    plot("Force of each leg, kN", paths::RIG_FORCE, legend()),
+                    plot("Force of each leg, kN (pushing positive)", paths::RIG_FORCE, legend()),
                     text("Where it is", paths::RIG_TEXT),
                 ],
             },

@@ -149,8 +149,10 @@ impl RigWriter {
         self.rods.push(
             at,
             legs.iter().map(|(leg, v)| {
+                // Out of the cylinder as far as it is drawn.
                 let base = leg.base_joint_m();
-                ([base, base + *v], stroke_colour(leg, room_m(leg, v.length())))
+                let gland = base + v.normalize_or_zero() * leg.shortest_m;
+                ([gland, base + *v], stroke_colour(leg, room_m(leg, v.length())))
             }),
         );
         let port = *x_bp * self.rig.x_4p.inverse();
@@ -261,11 +263,11 @@ fn log_static(
     rec.log_static(paths::RIG_DOCKING, &transform(&middle))?;
     lines(rec, "rig/docking_workspace/box", edges(&rig.docking), 0xF2_D0_3A_FF, 0.012)?;
 
-    for (path, limits) in [(paths::RIG_ROOM, "room"), (paths::RIG_FORCE, "force")] {
+    for path in [paths::RIG_ROOM, paths::RIG_FORCE] {
         rec.log_static(
             path,
             &SeriesLines::new()
-                .with_names((0..6).map(|i| format!("leg {i} {limits}")))
+                .with_names((0..6).map(|i| format!("leg {i}")))
                 .with_colors(LEGS)
                 .with_widths([1.5; 6]),
         )?;

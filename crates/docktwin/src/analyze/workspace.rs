@@ -2,14 +2,15 @@
 
 use core::f64::consts::TAU;
 use core::fmt::Write as _;
-use std::process::ExitCode;
+use std::{path::Path, process::ExitCode};
 
-use docktwin_core::{DQuat, DVec3};
+use docktwin_core::{DQuat, DVec3, SimTime, Twist, Wrench};
 use docktwin_model::{DockingWorkspace, Rig};
 use docktwin_physics::platform::maps::{
     Capability, Maps, PAPER_ATTITUDE_RAD, PAPER_PAYLOAD_KG, PAPER_POSITION_M, Workspace,
 };
 use docktwin_plot::{Axis, Bar, Colour, Dash, Lane, Line, Plot, PlotError};
+use docktwin_view::RigWriter;
 use serde_json::{Value, json};
 
 use super::{
@@ -130,7 +131,41 @@ pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
     out.save("workspace.csv".to_owned(), &table)?;
     out.save("sections.csv".to_owned(), &sections_csv(&found.sections))?;
     out.plots(plot(&subject, &found).map(|svg| vec![("workspace.svg".to_owned(), svg)]))?;
+    scene(&maps, rig, &out.file("rig.rrd"))?;
     out.finish("workspace", &as_json(&subject, &found), &words(&subject, &found), json)
+}
+
+/// Pictures from corner to corner of the docking workspace.
+const PICTURES: u32 = 20;
+/// Between two pictures, ns.
+const PICTURE_NS: u64 = 50_000_000;
+
+/// The rig for the viewer: it tours all 64 corners of the docking workspace, along one coordinate after
+/// the other; leg forces hold it still in every pose.
+fn scene(maps: &Maps<'_>, rig: &Rig, path: &Path) -> Result<(), Failure> {
+    let mut writer = RigWriter::create(path, rig, |way| maps.reach_along(way, DVec3::ZERO, FAR_M))?;
+    let mut stops = vec![[0.0; 6]];
+    // Neighbours in Gray's code differ in one coordinate.
+    stops.extend((0..64_u32).map(|n| {
+        let code = n ^ (n >> 1);
+        core::array::from_fn(|i| if code >> i & 1 == 1 { 1.0 } else { -1.0 })
+    }));
+    let platform = maps.platform();
+    let still = Twist::default();
+    let mut time = SimTime::ZERO;
+    for pair in stops.windows(2) {
+        for k in 1..=PICTURES {
+            let t = f64::from(k) / f64::from(PICTURES);
+            let gentle = t * t * (3.0 - 2.0 * t);
+            let place = core::array::from_fn(|i| pair[0][i] + (pair[1][i] - pair[0][i]) * gentle);
+            let x_bp = rig.plate_from_docking(&rig.docking.pose(place));
+            let forces =
+                platform.inverse_dynamics(&platform.at(&x_bp), &still, &still, &Wrench::ZERO);
+            writer.frame(time, &x_bp, forces)?;
+            time = SimTime::from_nanos(time.nanos() + PICTURE_NS);
+        }
+    }
+    Ok(writer.finish()?)
 }
 
 fn sections_csv(sections: &[Section]) -> String {
