@@ -1,4 +1,4 @@
-//! The full twin: the on-orbit world in rapier.
+//! The full twins: the on-orbit world in rapier, and the motion simulator with its loops ([`rig`]).
 //!
 //! rapier integrates the three bodies, `docktwin-physics` measures the geometry and pushes with its
 //! law: rapier's own contact solver has no stiffness in N/m (see ARCHITECTURE.md). Nothing in the
