@@ -447,10 +447,9 @@ fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError
         Axis::new("phase", "deg").include(-75.0).include(5.0),
         Axis::new("coherence", "").include(0.98).include(1.0),
     ];
-    let thin = if shown.len() > work.payloads.len() { ", thin: other places" } else { "" };
     let titles = [
         format!(
-            "Response in {}{figure}: {}, {} mm, in the middle{thin}",
+            "Response in {}{figure}: {}, {} mm",
             DOFS[dof],
             work.subject.title(),
             work.amplitude_m * 1e3
@@ -489,6 +488,9 @@ fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError
                         .width(1.6),
                 );
             }
+        }
+        if k == 0 && shown.len() > work.payloads.len() {
+            p = p.legend("thin: other places", Colour::Grey);
         }
         for (i, l) in limits[k].iter().enumerate() {
             let name = if k == 0 && i == 0 { "required" } else { "" };
