@@ -275,9 +275,10 @@ at most 2 dB and 70 degrees; from 0.5 to 5 Hz |G| within 10 % (stiff: 5 %) and a
 other degrees of freedom; modal damping of at least 0.1. Rotations count at the radius of the
 plate joints.
 
-What is measured is where --places says; the linear model covers the middle and all 64 corners.
-On two cores `middle` takes 20 seconds, `sample` (and five corners) two minutes, `all` (and 64
-corners) 20 minutes; one payload takes a third of it.
+What is measured is where --places says; the linear model covers the middle and all 64 corners,
+and takes the legs of a drawn rig to be as the first one. On two cores `middle` takes 20
+seconds, `sample` (and five corners) two minutes, `all` (and 64 corners) 20 minutes; one payload
+takes a third of it.
 
 Keys of --set: position_gain_1_s, damping_ratio (of pressure feedback at 2500 kg), high_pass_hz,
 valve_lead_hz (0: none), rate_hz, dead_time_s.

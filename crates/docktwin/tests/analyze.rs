@@ -149,10 +149,8 @@ fn oracle_the_workspace_holds_the_docking_box() {
     // Every outline goes round the docking box: beyond its corner in every direction.
     let sections = table(dir.path(), "sections.csv");
     let at = ["x_m", "y_m", "z_m"].map(|n| column(&sections, n));
-    for i in 0..at[0].len() {
-        let p = [at[0][i], at[1][i], at[2][i]];
-        let most = p.map(f64::abs).into_iter().fold(0.0, f64::max);
-        assert!(most > 0.3, "{p:?}");
+    for ((x, y), z) in at[0].iter().zip(&at[1]).zip(&at[2]) {
+        assert!(x.abs().max(y.abs()).max(z.abs()) > 0.3, "{x} {y} {z}");
     }
     // 1135 kg, ±1.27 mm and ±0.10 degrees of the paper.
     for key in ["tolerance", "range", "payload_at_rest", "payload_at_10_hz"] {

@@ -94,16 +94,19 @@ struct Linear {
     worst: Worst,
 }
 
-/// Worst figures, and where: degree of freedom, frequency, place.
+/// A value, and where: degree of freedom, frequency in Hz, place.
+type At = (f64, usize, f64, Place);
+
+/// Worst figures of many points.
 #[derive(Clone, Copy)]
 struct Worst {
     /// Least and greatest gain at 10 Hz, dB, and phase, degrees.
     db: [f64; 2],
     deg: [f64; 2],
     /// | |G| − 1 | from 0.5 to 5 Hz.
-    flat: (f64, usize, f64, Place),
+    flat: At,
     /// Response of another degree of freedom from 0.5 to 5 Hz.
-    coupling: (f64, usize, f64, Place),
+    coupling: At,
     /// Least coherence.
     coherence: f64,
 }
@@ -145,7 +148,7 @@ impl Worst {
     }
 
     fn json(&self) -> Value {
-        let at = |w: &(f64, usize, f64, Place)| json!({ "value": w.0, "dof": DOFS[w.1], "hz": w.2, "at": w.3.0 });
+        let at = |w: &At| json!({ "value": w.0, "dof": DOFS[w.1], "hz": w.2, "at": w.3.0 });
         json!({
             "gain_10_hz_db": self.db,
             "phase_10_hz_deg": self.deg,
@@ -156,7 +159,7 @@ impl Worst {
     }
 
     fn words(&self) -> String {
-        let at = |w: &(f64, usize, f64, Place)| format!("{} {} Hz, {}", DOFS[w.1], w.2, w.3);
+        let at = |w: &At| format!("{} {} Hz, {}", DOFS[w.1], w.2, w.3);
         format!(
             "10 Hz {} to {} dB, {} to {} deg; to 5 Hz |G| within {:.1} % ({}), coupling \
              {:.3} ({})",
@@ -410,15 +413,16 @@ fn poles_csv(work: &Work<'_>, linear: &[Linear]) -> String {
 
 fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError> {
     type Value = fn(&Point, usize) -> f64;
+    /// Measured and linear, of every panel.
+    type Curves = [[Vec<[f64; 2]>; 2]; 3];
     let values: [Value; 3] =
         [|p, dof| p.gain_db(dof), |p, dof| p.phase_deg(dof), |p, _| p.coherence];
-    // Curves of one case: measured and linear, of every panel.
-    let curves = |c: &Case| -> [[Vec<[f64; 2]>; 2]; 3] {
+    let curves = |c: &Case| -> Curves {
         values.map(|v| {
             [&c.measured, &c.linear].map(|p| p.iter().map(|p| [p.hz, v(p, dof)]).collect())
         })
     };
-    let shown: Vec<(&Case, [[Vec<[f64; 2]>; 2]; 3])> =
+    let shown: Vec<(&Case, Curves)> =
         cases.iter().filter(|c| c.dof == dof).map(|c| (c, curves(c))).collect();
     let db = |g: f64| 20.0 * g.log10();
     let flat = flat(work.subject.preset);
@@ -443,10 +447,9 @@ fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError
         Axis::new("phase", "deg").include(-75.0).include(5.0),
         Axis::new("coherence", "").include(0.98).include(1.0),
     ];
-    let thin = if shown.len() > work.payloads.len() { ", thin: other places" } else { "" };
     let titles = [
         format!(
-            "Response in {}{figure}: {}, {} mm, in the middle{thin}",
+            "Response in {}{figure}: {}, {} mm",
             DOFS[dof],
             work.subject.title(),
             work.amplitude_m * 1e3
@@ -485,6 +488,9 @@ fn plot(work: &Work<'_>, cases: &[Case], dof: usize) -> Result<String, PlotError
                         .width(1.6),
                 );
             }
+        }
+        if k == 0 && shown.len() > work.payloads.len() {
+            p = p.legend("thin: other places", Colour::Grey);
         }
         for (i, l) in limits[k].iter().enumerate() {
             let name = if k == 0 && i == 0 { "required" } else { "" };

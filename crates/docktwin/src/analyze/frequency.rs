@@ -31,7 +31,7 @@ pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
     let mut out = Results::new(args.out.as_deref(), &format!("{}-frequency", subject.rig.name))?;
     let maps = Maps::new(&subject.rig);
     let spring = subject.oil_spring_n_m();
-    let mut table = format!("{PLACE_COLUMNS}");
+    let mut table = PLACE_COLUMNS.to_owned();
     DOFS.iter().for_each(|d| table.push_str(&format!(",{}_hz", d.to_lowercase())));
     (0..6).for_each(|i| table.push_str(&format!(",mode_{i}_hz")));
     table.push('\n');
@@ -187,11 +187,11 @@ fn words(subject: &Subject, map: &FrequencyMap, presets: &Presets) -> String {
             100.0 * (s.greatest.0 / middle - 1.0)
         );
     };
-    for i in 0..6 {
-        line(DOFS[i], map.middle.held_hz[i], &map.held_hz[i]);
+    for ((name, middle), span) in DOFS.iter().zip(map.middle.held_hz).zip(&map.held_hz) {
+        line(name, middle, span);
     }
-    for i in 0..6 {
-        line(&format!("mode {i}"), map.middle.frequency_hz[i], &map.mode_hz[i]);
+    for (i, (middle, span)) in map.middle.frequency_hz.iter().zip(&map.mode_hz).enumerate() {
+        line(&format!("mode {i}"), *middle, span);
     }
     let _ = writeln!(
         out,

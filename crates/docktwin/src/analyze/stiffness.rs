@@ -38,6 +38,9 @@ struct Step {
     points: [Point; 6],
 }
 
+/// A change, the degree of freedom and the place where it is largest.
+type Change = (f64, usize, Place);
+
 /// A preset against a payload in one direction.
 struct Course {
     steps: Vec<Step>,
@@ -46,9 +49,9 @@ struct Course {
     /// Slowest pole, likewise, Hz.
     slowest_hz: [(f64, Place); 2],
     /// Largest change of |G| at 10 Hz from free to the stiffest, dB, degree of freedom, place.
-    gain_db: (f64, usize, Place),
+    gain_db: Change,
     /// Largest change of its phase, degrees.
-    phase_deg: (f64, usize, Place),
+    phase_deg: Change,
     /// The same with the bulk modulus half as large again.
     stiffer_oil: [f64; 2],
 }
@@ -98,9 +101,8 @@ impl<'a> Loop<'a> {
     }
 
     /// Largest changes at 10 Hz over the middle and all corners.
-    #[expect(clippy::type_complexity, reason = "value, degree of freedom, place, twice")]
-    fn change(&self, way: DVec3) -> Option<((f64, usize, Place), (f64, usize, Place))> {
-        let none = (0.0_f64, 0, Place([0.0; 6]));
+    fn change(&self, way: DVec3) -> Option<(Change, Change)> {
+        let none: Change = (0.0, 0, Place([0.0; 6]));
         let (mut gain, mut phase) = (none, none);
         for place in middle_and_corners() {
             let free = self.paper_points(place, DVec3::ZERO)?;
@@ -356,7 +358,7 @@ fn plot(found: &[Found]) -> Result<String, PlotError> {
 }
 
 fn as_json(subject: &Subject, found: &[Found]) -> Value {
-    let changed = |c: (f64, usize, Place)| json!({ "value": c.0, "dof": DOFS[c.1], "at": c.2.0 });
+    let changed = |c: Change| json!({ "value": c.0, "dof": DOFS[c.1], "at": c.2.0 });
     let presets: Vec<Value> = found
         .iter()
         .map(|f| {
