@@ -734,7 +734,7 @@ impl Scene {
             }
             let mut h = spacing;
             let at = |u: f64, v: f64| depth_of(&segment_segment(&a.ruling(u), &b_ruling(v)));
-            h *= 0.5;
+            h *= 0.15;
             for _ in 0..REFINEMENTS {
                 let before_round = best;
                 let (u0, u1) = ((u - h).max(u_min), (u + h).min(u_max));
@@ -758,7 +758,7 @@ impl Scene {
                 // Shorter looks only where these lead no further; long ones see no peak that is
                 // nearer than they reach.
                 if best - before_round < 1e-6 {
-                    h *= 0.4;
+                    h *= 0.15;
                     if h < 5e-4 {
                         break;
                     }
