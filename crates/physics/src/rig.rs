@@ -12,7 +12,7 @@ use docktwin_model::{HydraulicPreset, Rig};
 
 use crate::{
     hydraulics::{Draws, Leg, LegParameters, LegSpread, LegState},
-    platform::Platform,
+    platform::{Configuration, Platform},
 };
 
 /// Stream of the draws that belong to the whole rig; legs have 0 to 5.
@@ -76,6 +76,27 @@ pub fn follow_lengths(legs: &[Leg; 6], s: &mut RigState, length_m: [f64; 6], tim
         leg.slide(&mut s.legs[i], way / time_s, time_s);
     }
     s.length_m = length_m;
+}
+
+/// Forces of all legs in the middle of a step, N, after half of its flow, and the twist of the plate
+/// there, foreseen with the acceleration of the step before: forces that depend on speed get that one.
+pub fn middle_forces(
+    legs: &[Leg; 6],
+    s: &mut RigState,
+    c: &Configuration,
+    opening: &[f64; 6],
+    half_s: f64,
+) -> (Twist, [f64; 6]) {
+    let middle = Twist {
+        v: s.twist.v + s.acceleration.v * half_s,
+        w: s.twist.w + s.acceleration.w * half_s,
+    };
+    let rates = c.rates(&middle);
+    let forces = core::array::from_fn(|i| {
+        legs[i].flow(&mut s.legs[i], opening[i], half_s);
+        legs[i].force(&s.legs[i], rates[i])
+    });
+    (middle, forces)
 }
 
 /// The rig as built: everything that does not change while it moves.
@@ -173,7 +194,7 @@ impl ReducedRig {
         Ok(RigState { x_bp: *x_bp, twist: still, acceleration: still, length_m: c.length_m, legs })
     }
 
-    fn drift(&self, s: &mut RigState, time_s: f64) -> crate::platform::Configuration {
+    fn drift(&self, s: &mut RigState, time_s: f64) -> Configuration {
         s.x_bp = Platform::moved(&s.x_bp, &s.twist, time_s);
         let c = self.platform.at(&s.x_bp);
         follow_lengths(&self.legs, s, c.length_m, time_s);
@@ -197,16 +218,7 @@ impl ReducedRig {
         let opening: [f64; 6] =
             core::array::from_fn(|i| self.legs[i].valve(&mut s.legs[i], commands[i]));
         let c = self.drift(s, half);
-        // Forces that depend on speed get that of the middle of the step, foreseen.
-        let middle = Twist {
-            v: s.twist.v + s.acceleration.v * half,
-            w: s.twist.w + s.acceleration.w * half,
-        };
-        let rates = c.rates(&middle);
-        let forces: [f64; 6] = core::array::from_fn(|i| {
-            self.legs[i].flow(&mut s.legs[i], opening[i], half);
-            self.legs[i].force(&s.legs[i], rates[i])
-        });
+        let (middle, forces) = middle_forces(&self.legs, s, &c, &opening, half);
         let push = external(&s.x_bp, &middle);
         let a = self.platform.forward_dynamics(&c, &middle, &forces, &push).ok_or(RigFault)?;
         if !(a.v.is_finite() && a.w.is_finite()) {

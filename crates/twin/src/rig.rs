@@ -14,7 +14,7 @@ use docktwin_model::{Leg as RigLeg, LegPart, Rig};
 use docktwin_physics::{
     hydraulics::{Leg, LegParameters},
     platform::{Configuration, Platform},
-    rig::{RigFault, RigPlant, RigState, follow_lengths},
+    rig::{RigFault, RigPlant, RigState, follow_lengths, middle_forces},
 };
 use rapier3d_f64::prelude::{
     GenericJointBuilder, JointAxesMask, MassProperties, PhysicsWorld, Pose as RapierPose,
@@ -262,16 +262,7 @@ impl RigPlant for FullRig {
         let (middle, _) = self.plate();
         let c = self.platform.at(&middle);
         follow_lengths(&self.legs, s, c.length_m, half);
-        // Forces that depend on speed get that of the middle of the step, foreseen.
-        let moving = Twist {
-            v: s.twist.v + s.acceleration.v * half,
-            w: s.twist.w + s.acceleration.w * half,
-        };
-        let rates = c.rates(&moving);
-        let forces: [f64; 6] = core::array::from_fn(|i| {
-            self.legs[i].flow(&mut s.legs[i], opening[i], half);
-            self.legs[i].force(&s.legs[i], rates[i])
-        });
+        let (moving, forces) = middle_forces(&self.legs, s, &c, &opening, half);
         let wrench = external(&middle, &moving);
         self.push(&c, &middle, &forces, &wrench);
         let (ahead, twist) = self.plate();
