@@ -44,14 +44,29 @@ pub(super) struct LegBody {
 
 /// What a leg's own mass asks of the plate at the plate joint, in `eb`: the force `A a + bias` moves
 /// the tip with the acceleration `a`, `weight` holds the leg against gravity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LegLoad {
-    /// Symmetric, positive definite, kg.
-    pub inertia: DMat3,
+/// `A = φ 1 + (m_r − φ) û ûᵀ + J g gᵀ`.
+struct LegLoad {
+    /// φ, kg: in every direction.
+    across: f64,
+    /// m_r − φ, kg, along `unit`.
+    along: f64,
+    unit: DVec3,
+    /// J, kg·m², about the first axis; `lever` is g, 1/m.
+    spin: f64,
+    lever: DVec3,
     /// Centrifugal and Coriolis part, N.
-    pub bias: DVec3,
+    bias: DVec3,
     /// Gradient of the potential energy, N.
-    pub weight: DVec3,
+    weight: DVec3,
+}
+
+impl LegLoad {
+    /// The force that moves the tip with an acceleration, N.
+    fn inertial(&self, a: DVec3) -> DVec3 {
+        self.across * a
+            + self.along * self.unit.dot(a) * self.unit
+            + self.spin * self.lever.dot(a) * self.lever
+    }
 }
 
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
@@ -105,9 +120,11 @@ impl LegBody {
         let down = gravity.dot(u);
         let moment = self.cylinder_moment + m_r * reach;
         LegLoad {
-            inertia: DMat3::from_diagonal(DVec3::splat(phi))
-                + outer(u, u) * (m_r - phi)
-                + outer(g, g) * j,
+            across: phi,
+            along: m_r - phi,
+            unit: u,
+            spin: j,
+            lever: g,
             bias: turning + sliding + spinning,
             weight: -m_r * down * u - moment / length * (gravity - down * u),
         }
@@ -120,13 +137,6 @@ impl LegBody {
 }
 
 impl Platform {
-    /// What leg `i` asks of the plate, the plate moving with `twist`.
-    #[must_use]
-    pub fn leg_load(&self, i: usize, c: &Configuration, twist: &Twist) -> LegLoad {
-        let v = c.joint_velocity(i, twist);
-        self.legs[i].load(c.unit[i], c.length_m[i], v, self.gravity)
-    }
-
     /// Mass matrix of plate and legs, about the origin of `ep` in the axes of `eb`; symmetric,
     /// positive definite. Kinetic energy is `½ tᵀ M t` with the twist `t`.
     #[must_use]
@@ -147,16 +157,19 @@ impl Platform {
         let com = c.x_bp.q * self.plate.com_m;
         let inertia = inertia_world(c.x_bp.q, self.plate.inertia_kg_m2);
         let mut mass = Blocks::ZERO;
-        mass.add(DMat3::from_diagonal(DVec3::splat(self.plate.mass_kg)), com);
+        mass.add(self.plate.mass_kg, com);
         mass.rotation += inertia;
         let mut motion = Wrench::at(com, self.plate.mass_kg * w.cross(w.cross(com)));
         motion.m += w.cross(inertia * w);
         let mut weight = Wrench::at(com, -self.plate.mass_kg * self.gravity);
         for i in 0..6 {
             let arm = c.arm[i];
-            let load = self.leg_load(i, c, twist);
-            mass.add(load.inertia, arm);
-            motion.push(arm, load.inertia * w.cross(w.cross(arm)) + load.bias);
+            let v = c.joint_velocity(i, twist);
+            let load = self.legs[i].load(c.unit[i], c.length_m[i], v, self.gravity);
+            mass.add(load.across, arm);
+            mass.add_along(load.along, load.unit, arm);
+            mass.add_along(load.spin, load.lever, arm);
+            motion.push(arm, load.inertial(w.cross(w.cross(arm))) + load.bias);
             weight.push(arm, load.weight);
         }
         (mass.matrix(), motion, weight)
@@ -257,13 +270,20 @@ impl Blocks {
     const ZERO: Self =
         Self { translation: DMat3::ZERO, coupling: DMat3::ZERO, rotation: DMat3::ZERO };
 
-    /// Adds a mass (a 3×3 one) at an arm: its acceleration is `a + α × arm`.
-    fn add(&mut self, mass: DMat3, arm: DVec3) {
-        let s = skew(arm);
-        let coupling = mass * s * -1.0;
-        self.translation += mass;
-        self.coupling += coupling;
-        self.rotation += s * coupling;
+    /// Adds a point mass at an arm: its acceleration is `a + α × arm`.
+    fn add(&mut self, mass: f64, arm: DVec3) {
+        self.translation += DMat3::from_diagonal(DVec3::splat(mass));
+        self.coupling -= skew(arm) * mass;
+        self.rotation += DMat3::from_diagonal(DVec3::splat(mass * arm.length_squared()))
+            - outer(arm, arm * mass);
+    }
+
+    /// Adds a mass at an arm that resists along a direction only, by its square: `m d dᵀ`.
+    fn add_along(&mut self, mass: f64, direction: DVec3, arm: DVec3) {
+        let turning = arm.cross(direction);
+        self.translation += outer(direction, direction * mass);
+        self.coupling += outer(direction, turning * mass);
+        self.rotation += outer(turning, turning * mass);
     }
 
     fn matrix(&self) -> Matrix6<f64> {

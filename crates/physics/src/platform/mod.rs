@@ -11,8 +11,6 @@
 mod dynamics;
 pub mod maps;
 
-pub use dynamics::LegLoad;
-
 use docktwin_core::{DQuat, DVec3, Pose, Twist, Wrench};
 use docktwin_model::{Rig, RigidMass};
 use nalgebra::{Matrix6, Vector6};
