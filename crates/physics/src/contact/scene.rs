@@ -30,8 +30,9 @@ const CIRCLE_INTERVALS: usize = 24;
 const MOST_SAMPLES: f64 = 24.0;
 /// Rulings of a petal for the first look, against a petal.
 const COARSE: usize = 5;
-/// Most rounds of refinement from the first look. The first reaches half way to the neighbouring
-/// rulings; a round that leads no further is followed by one two and a half times finer.
+/// Most rounds of refinement from the first look. The first reaches a seventh of the way to the
+/// neighbouring rulings, far enough to climb and short enough to see a peak nearby; a round that leads
+/// no further is followed by one seven times finer.
 const REFINEMENTS: usize = 24;
 /// Pieces along a ruling over which a line contact is spread.
 const ALONG: usize = 5;
@@ -732,26 +733,30 @@ impl Scene {
             if best + between < deepest - 40.0 * self.law.merge_depth_m {
                 continue;
             }
-            let mut h = spacing;
-            let at = |u: f64, v: f64| depth_of(&segment_segment(&a.ruling(u), &b_ruling(v)));
-            h *= 0.15;
+            let mut h = 0.15 * spacing;
+            let of = |s: &Segment, t: &Segment| depth_of(&segment_segment(s, t));
             for _ in 0..REFINEMENTS {
                 let before_round = best;
                 let (u0, u1) = ((u - h).max(u_min), (u + h).min(u_max));
-                (u, best) = climb(u, best, u0, u1, |x| at(x, v));
+                let t = b_ruling(v);
+                (u, best) = climb(u, best, u0, u1, |x| of(&a.ruling(x), &t));
                 let (v0, v1) = ((v - h).max(-1.0), (v + h).min(1.0));
-                (v, best) = climb(v, best, v0, v1, |x| at(u, x));
+                let s = a.ruling(u);
+                (v, best) = climb(v, best, v0, v1, |x| of(&s, &b_ruling(x)));
                 // A ridge may lead away between the two directions.
                 let (mut to, from) = ((u, v), (u, v));
-                for (du, dv) in [(-h, -h), (-h, h), (h, -h), (h, h)] {
-                    let (x, y) =
-                        ((from.0 + du).clamp(u_min, u_max), (from.1 + dv).clamp(-1.0, 1.0));
-                    if (x - from.0).abs() < 1e-9 || (y - from.1).abs() < 1e-9 {
-                        continue;
-                    }
-                    let value = at(x, y);
-                    if value > best {
-                        (to, best) = ((x, y), value);
+                let us = [-h, h].map(|d| (from.0 + d).clamp(u_min, u_max));
+                let vs = [-h, h].map(|d| (from.1 + d).clamp(-1.0, 1.0));
+                let (ss, ts) = (us.map(|u| a.ruling(u)), vs.map(b_ruling));
+                for (x, s) in us.iter().zip(&ss) {
+                    for (y, t) in vs.iter().zip(&ts) {
+                        if (x - from.0).abs() < 1e-9 || (y - from.1).abs() < 1e-9 {
+                            continue;
+                        }
+                        let value = of(s, t);
+                        if value > best {
+                            (to, best) = ((*x, *y), value);
+                        }
                     }
                 }
                 (u, v) = to;
