@@ -160,8 +160,8 @@ def test_leg_forces_of_docktwin(models, peers, figure):
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_motion_of_the_released_plate(models, peers, figure, name):
-    """On leg springs from a corner, 2 s: both sides tend to the same motion, each with the square of
-    its step (MuJoCo's for the sake of its soft loops)."""
+    """On leg springs from a corner, 2 s: both sides tend to the same motion, MuJoCo with the square of
+    its step for the sake of its soft loops, ours with the square or, on stiff springs, faster."""
     corners, spring, least_m, limit = MOTIONS[name]
     path = models / "stewart.urdf"
     rig = read_rig(path)
@@ -193,7 +193,7 @@ def test_motion_of_the_released_plate(models, peers, figure, name):
     assert max(off[-1]) < limit
     assert max(apart(theirs(0.25, plate_on_leg=True)[0], truth)) < limit
     steps_ms = (0.5, 0.25, 0.125)
-    own = [apart(ours(h), found[-1][0]) for h in steps_ms]
+    own = [apart(ours(h), truth) for h in steps_ms]
     figure("docktwin at " + ", ".join(f"{h} ms: {m:.1e} m, {a:.1e} rad"
                                       for h, (m, a) in zip(steps_ms, own)))
-    assert all(3.0 < a / b < 5.0 for (a, _), (b, _) in zip(own, own[1:]))
+    assert all(a > 3.0 * b for (a, _), (b, _) in zip(own, own[1:]))

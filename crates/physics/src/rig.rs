@@ -3,7 +3,7 @@
 //! ([`crate::hydraulics`]), without a constraint solver. The other form, every part of a leg a body of
 //! its own, stands in `docktwin-twin`.
 //!
-//! A step is the leapfrog of [`crate::hydraulics`] in six degrees of freedom: the plate drifts for
+//! A step of the reduced rig is the leapfrog of [`crate::hydraulics`] in six degrees of freedom: the plate drifts for
 //! half a step, the oil follows the legs' exact lengths, half of the flow passes the valves, one kick
 //! with all forces, the other half of the flow, the other half of the drift.
 
@@ -105,6 +105,9 @@ pub struct ReducedRig {
     platform: Platform,
     legs: [Leg; 6],
     step_s: f64,
+    /// Leapfrog moves a spring faster by (ωh)²/24; k h²/12 more mass along the spring takes that back,
+    /// so that the plate on its oil is of fourth order. kg
+    slowing_kg: [f64; 6],
 }
 
 /// What moves.
@@ -156,7 +159,8 @@ impl ReducedRig {
     /// A rig of a platform and six legs, stepped by `step_s` seconds (0.1–0.25 ms).
     #[must_use]
     pub fn new(platform: Platform, legs: &[LegParameters; 6], step_s: f64) -> Self {
-        Self { platform, legs: legs.map(|p| Leg::new(p, step_s)), step_s }
+        let slowing_kg = legs.each_ref().map(|p| p.oil.oil_spring_n_m() * step_s * step_s / 12.0);
+        Self { platform, legs: legs.map(|p| Leg::new(p, step_s)), step_s, slowing_kg }
     }
 
     /// Kinematics and rigid dynamics.
@@ -220,7 +224,10 @@ impl ReducedRig {
         let c = self.drift(s, half);
         let (middle, forces) = middle_forces(&self.legs, s, &c, &opening, half);
         let push = external(&s.x_bp, &middle);
-        let a = self.platform.forward_dynamics(&c, &middle, &forces, &push).ok_or(RigFault)?;
+        let a = self
+            .platform
+            .forward_dynamics_with(&c, &middle, &forces, &push, &self.slowing_kg)
+            .ok_or(RigFault)?;
         if !(a.v.is_finite() && a.w.is_finite()) {
             return Err(RigFault);
         }

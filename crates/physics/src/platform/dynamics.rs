@@ -148,11 +148,11 @@ impl Platform {
     #[must_use]
     pub fn mass_and_bias(&self, c: &Configuration, twist: &Twist) -> (Matrix6<f64>, Wrench) {
         let (mass, motion, weight) = self.terms(c, twist);
-        (mass, motion + weight)
+        (mass.matrix(), motion + weight)
     }
 
     /// Mass matrix, Coriolis and centrifugal wrench, and the wrench that holds the weight.
-    fn terms(&self, c: &Configuration, twist: &Twist) -> (Matrix6<f64>, Wrench, Wrench) {
+    fn terms(&self, c: &Configuration, twist: &Twist) -> (Blocks, Wrench, Wrench) {
         let w = twist.w;
         let com = c.x_bp.q * self.plate.com_m;
         let inertia = inertia_world(c.x_bp.q, self.plate.inertia_kg_m2);
@@ -172,7 +172,7 @@ impl Platform {
             motion.push(arm, load.inertial(w.cross(w.cross(arm))) + load.bias);
             weight.push(arm, load.weight);
         }
-        (mass.matrix(), motion, weight)
+        (mass, motion, weight)
     }
 
     /// Coriolis and centrifugal wrench alone; its power is `½ tᵀ Ṁ t`.
@@ -207,9 +207,25 @@ impl Platform {
         forces_n: &[f64; 6],
         external: &Wrench,
     ) -> Option<Twist> {
-        let (mass, bias) = self.mass_and_bias(c, twist);
-        let push = six_of(&(c.wrench(forces_n) + *external + -bias));
-        Some(twist_of(&mass.cholesky()?.solve(&push)))
+        self.forward_dynamics_with(c, twist, forces_n, external, &[0.0; 6])
+    }
+
+    /// As [`Platform::forward_dynamics`], every leg with a further mass (kg) that resists along it only.
+    #[must_use]
+    pub fn forward_dynamics_with(
+        &self,
+        c: &Configuration,
+        twist: &Twist,
+        forces_n: &[f64; 6],
+        external: &Wrench,
+        along_kg: &[f64; 6],
+    ) -> Option<Twist> {
+        let (mut mass, motion, weight) = self.terms(c, twist);
+        for (i, m) in along_kg.iter().enumerate() {
+            mass.add_along(*m, c.unit[i], c.arm[i]);
+        }
+        let push = six_of(&(c.wrench(forces_n) + *external + -(motion + weight)));
+        Some(twist_of(&mass.matrix().cholesky()?.solve(&push)))
     }
 
     /// Kinetic energy of plate and legs, J.
