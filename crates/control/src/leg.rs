@@ -32,6 +32,9 @@ pub struct LegTuning {
     pub valve_lead: Option<[f64; 2]>,
 }
 
+/// Mass to which damping ratios of γ refer, kg: the plate of Table 1.
+pub const REFERRED_MASS_KG: f64 = 2500.0;
+
 impl LegTuning {
     /// Time of one sample, s.
     #[must_use]
@@ -66,7 +69,7 @@ impl LegTuning {
         Self {
             rate_hz: 4000.0,
             position_gain_1_s: kp,
-            pressure_gain_m_s_n: Self::pressure_gain(model, 2500.0, zeta),
+            pressure_gain_m_s_n: Self::pressure_gain(model, REFERRED_MASS_KG, zeta),
             high_pass_hz,
             valve_lead: Some([400.0, 0.8]),
         }

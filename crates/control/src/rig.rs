@@ -97,13 +97,7 @@ impl RigSetup {
     #[must_use]
     pub fn of_rig(rig: &Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
         let model = LegParameters::of_rig(rig, preset);
-        let (built, legs) = match seed {
-            Some(seed) => {
-                let drawn = PerturbedRig::draw(rig, preset, seed);
-                (drawn.rig, drawn.legs)
-            }
-            None => (rig.clone(), [model; 6]),
-        };
+        let PerturbedRig { rig: built, legs } = PerturbedRig::of(rig, preset, seed);
         Self {
             platform: Platform::new(&built),
             legs,

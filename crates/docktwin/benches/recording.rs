@@ -9,11 +9,11 @@ use std::{collections::BTreeMap, path::Path, time::Instant as WallInstant};
 use docktwin::{
     playback::{self, Playback},
     setup::{FULL_STEPS_PER_MS, inputs, start, steps_per_tick, tick_digest},
-    signals::{Instant, columns, row},
+    signals::{Instant, columns, contact_rows, row},
 };
 use docktwin_core::{SimTime, Tick};
 use docktwin_physics::reduced::DockingTwin;
-use docktwin_record::{ContactRow, Policy, RunWriter};
+use docktwin_record::{Policy, RunWriter};
 use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_twin::FullTwin;
 use docktwin_view::SceneWriter;
@@ -62,15 +62,7 @@ fn run(scenario: &Scenario, kept: Kept, dir: &Path) -> [f64; 2] {
         let now = Instant::new(twin.system(), &state, time.seconds(), h);
         if let Some(log) = &mut log {
             row(&now, twin.system(), &control, digest.short(), &mut cells);
-            contacts.clear();
-            contacts.extend(now.contacts().iter().map(|c| ContactRow {
-                pair: u16::try_from(c.pair).expect("few pairs"),
-                point_w_m: c.point_w_m,
-                normal_w: c.normal_w_n.normalize_or_zero(),
-                depth_m: c.depth_m,
-                normal_force_n: c.normal_w_n.length(),
-                friction_w_n: c.friction_w_n,
-            }));
+            contact_rows(&now, &mut contacts);
             log.tick(Tick(tick), time, &cells, &contacts).expect("room on the disk");
         }
         if let Some((view, playback)) = &mut view {

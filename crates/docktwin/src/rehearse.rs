@@ -32,7 +32,7 @@ use docktwin::{
         FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, thrust_ahead,
         tick_digest,
     },
-    signals::{Instant, columns, row},
+    signals::{Instant, columns, contact_rows, row},
 };
 
 use crate::{
@@ -183,7 +183,7 @@ impl Setup<'_> {
             let digest = tick_digest(twin.digest(), &control);
             run.chain(digest);
             row(&now, twin.system(), &control, digest.short(), &mut run.row);
-            run.contact_rows(&now);
+            contact_rows(&now, &mut run.contacts);
             if lost.is_none() {
                 lost =
                     writer.tick(Tick(tick), time, &run.row, &run.contacts).err().map(Failure::from);
@@ -343,18 +343,6 @@ impl Run {
         let per_step = nanos / u128::from(steps.max(1));
         self.histogram.saturating_record(u64::try_from(per_step).unwrap_or(u64::MAX).max(1));
         self.steps += u64::from(steps);
-    }
-
-    fn contact_rows(&mut self, now: &Instant<'_>) {
-        self.contacts.clear();
-        self.contacts.extend(now.contacts().iter().map(|c| ContactRow {
-            pair: u16::try_from(c.pair).unwrap_or(u16::MAX),
-            point_w_m: c.point_w_m,
-            normal_w: c.normal_w_n.normalize_or_zero(),
-            depth_m: c.depth_m,
-            normal_force_n: c.normal_w_n.length(),
-            friction_w_n: c.friction_w_n,
-        }));
     }
 
     fn observe(

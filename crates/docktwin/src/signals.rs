@@ -7,7 +7,7 @@ use docktwin_physics::{
     outcome::Observation,
     reduced::{DockingState, Energy, Inputs},
 };
-use docktwin_record::{Cell, Column};
+use docktwin_record::{Cell, Column, ContactRow};
 
 /// Most places of contact recorded in one tick.
 pub const MAX_CONTACTS: usize = 32;
@@ -179,6 +179,19 @@ pub fn columns() -> Vec<Column> {
     out.push(Column::u64("/contact", "contact_places"));
     out.push(Column::u64("/digest", "state_digest"));
     out
+}
+
+/// The places of contact of an instant; `out` is cleared and filled.
+pub fn contact_rows(i: &Instant<'_>, out: &mut Vec<ContactRow>) {
+    out.clear();
+    out.extend(i.contacts().iter().map(|c| ContactRow {
+        pair: u16::try_from(c.pair).unwrap_or(u16::MAX),
+        point_w_m: c.point_w_m,
+        normal_w: c.normal_w_n.normalize_or_zero(),
+        depth_m: c.depth_m,
+        normal_force_n: c.normal_w_n.length(),
+        friction_w_n: c.friction_w_n,
+    }));
 }
 
 /// One row; `out` is cleared and filled without growing after the first tick.

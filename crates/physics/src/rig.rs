@@ -68,6 +68,32 @@ impl RigPlant for ReducedRig {
     }
 }
 
+/// A rig of these legs at rest at `x_bp`, as [`ReducedRig::at_rest`].
+///
+/// # Errors
+/// The pose is singular.
+pub fn at_rest(
+    platform: &Platform,
+    legs: &[Leg; 6],
+    x_bp: &Pose,
+    external: &Wrench,
+) -> Result<RigState, RigFault> {
+    let c = platform.at(x_bp);
+    let still = Twist::default();
+    let forces = platform.inverse_dynamics(&c, &still, &still, external).ok_or(RigFault)?;
+    let mut states = [LegState::default(); 6];
+    for ((s, leg), f) in states.iter_mut().zip(legs).zip(forces) {
+        s.pressure_pa = f / leg.parameters().oil.area_m2;
+    }
+    Ok(RigState {
+        x_bp: *x_bp,
+        twist: still,
+        acceleration: still,
+        length_m: c.length_m,
+        legs: states,
+    })
+}
+
 /// Brings oil and seals of all legs along while their lengths change to `length_m` within `time_s`.
 pub fn follow_lengths(legs: &[Leg; 6], s: &mut RigState, length_m: [f64; 6], time_s: f64) {
     for (i, leg) in legs.iter().enumerate() {
@@ -105,9 +131,6 @@ pub struct ReducedRig {
     platform: Platform,
     legs: [Leg; 6],
     step_s: f64,
-    /// Leapfrog moves a spring faster by (ωh)²/24; k h²/12 more mass along the spring takes that back,
-    /// so that the plate on its oil is of fourth order. kg
-    slowing_kg: [f64; 6],
 }
 
 /// What moves.
@@ -159,8 +182,7 @@ impl ReducedRig {
     /// A rig of a platform and six legs, stepped by `step_s` seconds (0.1–0.25 ms).
     #[must_use]
     pub fn new(platform: Platform, legs: &[LegParameters; 6], step_s: f64) -> Self {
-        let slowing_kg = legs.each_ref().map(|p| p.oil.oil_spring_n_m() * step_s * step_s / 12.0);
-        Self { platform, legs: legs.map(|p| Leg::new(p, step_s)), step_s, slowing_kg }
+        Self { platform, legs: legs.map(|p| Leg::new(p, step_s)), step_s }
     }
 
     /// Kinematics and rigid dynamics.
@@ -187,15 +209,7 @@ impl ReducedRig {
     /// # Errors
     /// The pose is singular.
     pub fn at_rest(&self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault> {
-        let c = self.platform.at(x_bp);
-        let still = Twist::default();
-        let forces =
-            self.platform.inverse_dynamics(&c, &still, &still, external).ok_or(RigFault)?;
-        let mut legs = [LegState::default(); 6];
-        for ((s, leg), f) in legs.iter_mut().zip(&self.legs).zip(forces) {
-            s.pressure_pa = f / leg.parameters().oil.area_m2;
-        }
-        Ok(RigState { x_bp: *x_bp, twist: still, acceleration: still, length_m: c.length_m, legs })
+        at_rest(&self.platform, &self.legs, x_bp, external)
     }
 
     fn drift(&self, s: &mut RigState, time_s: f64) -> Configuration {
@@ -224,9 +238,10 @@ impl ReducedRig {
         let c = self.drift(s, half);
         let (middle, forces) = middle_forces(&self.legs, s, &c, &opening, half);
         let push = external(&s.x_bp, &middle);
+        let phase_kg = self.legs.each_ref().map(Leg::phase_mass_kg);
         let a = self
             .platform
-            .forward_dynamics_with(&c, &middle, &forces, &push, &self.slowing_kg)
+            .forward_dynamics_with(&c, &middle, &forces, &push, &phase_kg)
             .ok_or(RigFault)?;
         if !(a.v.is_finite() && a.w.is_finite()) {
             return Err(RigFault);
@@ -260,6 +275,15 @@ pub struct PerturbedRig {
 }
 
 impl PerturbedRig {
+    /// The rig of a file itself, or drawn with a seed.
+    #[must_use]
+    pub fn of(rig: &Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
+        match seed {
+            Some(seed) => Self::draw(rig, preset, seed),
+            None => Self { rig: rig.clone(), legs: [LegParameters::of_rig(rig, preset); 6] },
+        }
+    }
+
     /// Draws everything within `rig.spread`.
     #[must_use]
     pub fn draw(rig: &Rig, preset: HydraulicPreset, seed: u64) -> Self {

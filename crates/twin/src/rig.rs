@@ -14,7 +14,7 @@ use docktwin_model::{Leg as RigLeg, LegPart, Rig};
 use docktwin_physics::{
     hydraulics::{Leg, LegParameters},
     platform::{Configuration, Platform},
-    rig::{RigFault, RigPlant, RigState, follow_lengths, middle_forces},
+    rig::{RigFault, RigPlant, RigState, at_rest, follow_lengths, middle_forces},
 };
 use rapier3d_f64::prelude::{
     GenericJointBuilder, JointAxesMask, MassProperties, PhysicsWorld, Pose as RapierPose,
@@ -227,25 +227,14 @@ impl RigPlant for FullRig {
     }
 
     fn rest(&mut self, x_bp: &Pose, external: &Wrench) -> Result<RigState, RigFault> {
-        let c = self.platform.at(x_bp);
-        let still = Twist::default();
-        let forces =
-            self.platform.inverse_dynamics(&c, &still, &still, external).ok_or(RigFault)?;
+        let s = at_rest(&self.platform, &self.legs, x_bp, external)?;
+        let (c, still) = (self.platform.at(x_bp), s.twist);
+        let forces = core::array::from_fn(|i| self.legs[i].force(&s.legs[i], 0.0));
         for _ in 0..SETTLING_STEPS {
             self.place(x_bp, &still);
             self.push(&c, x_bp, &forces, external);
         }
         self.place(x_bp, &still);
-        let mut s = RigState {
-            x_bp: *x_bp,
-            twist: still,
-            acceleration: still,
-            length_m: c.length_m,
-            legs: Default::default(),
-        };
-        for ((s, leg), f) in s.legs.iter_mut().zip(&self.legs).zip(forces) {
-            s.pressure_pa = f / leg.parameters().oil.area_m2;
-        }
         Ok(s)
     }
 

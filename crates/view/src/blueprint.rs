@@ -24,7 +24,7 @@ use crate::paths;
 /// Where a view keeps what it does with one entity; hulls would catch every click.
 const CHASER_HULL: &str = "ViewContents/overrides/scene/chaser/hull/visualizers";
 const TARGET_HULL: &str = "ViewContents/overrides/scene/target/hull/visualizers";
-const REACHABLE: &str = "ViewContents/overrides/rig/reachable/visualizers";
+const REACHABLE: &str = "ViewContents/overrides/rig/reachable/hull/visualizers";
 
 enum Node {
     View {

@@ -52,8 +52,9 @@ SLOT, CLEAR, CONTROL = 50, 120, 340
 PLACES = 352
 WARM, WARM_SIZE = 360, 17
 # Places for the record: pair, point, normal force on the passive side, friction, depth.
-SHOWN, SHOWN_SIZE, MOST_SHOWN = 520, 11, 12
-S_SIZE = 520 + 11 * 12
+# As many as docktwin records: a jam has 13 and more.
+SHOWN, SHOWN_SIZE, MOST_SHOWN = 520, 11, 32
+S_SIZE = SHOWN + SHOWN_SIZE * MOST_SHOWN
 PAIRS = 16
 CLEAR_SIZE = 13
 

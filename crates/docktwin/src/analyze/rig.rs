@@ -1,6 +1,9 @@
 //! What the analyses of a rig have in common.
 
-use docktwin_control::{leg::LegTuning, rig::RigSetup};
+use docktwin_control::{
+    leg::{LegTuning, REFERRED_MASS_KG},
+    rig::RigSetup,
+};
 use docktwin_model::{DockingWorkspace, HydraulicPreset, Place, Problem, Rig, load_rig};
 use docktwin_physics::{hydraulics::LegParameters, rig::PerturbedRig};
 use serde_json::{Value, json};
@@ -51,13 +54,7 @@ impl Subject {
     }
 
     pub(super) fn of(file: Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
-        let (rig, legs) = match seed {
-            Some(seed) => {
-                let drawn = PerturbedRig::draw(&file, preset, seed);
-                (drawn.rig, drawn.legs)
-            }
-            None => (file.clone(), [LegParameters::of_rig(&file, preset); 6]),
-        };
+        let PerturbedRig { rig, legs } = PerturbedRig::of(&file, preset, seed);
         Self { file, rig, legs, preset, seed }
     }
 
@@ -203,7 +200,8 @@ impl Changes {
         let t = &mut setup.tuning;
         t.position_gain_1_s = kp.unwrap_or(t.position_gain_1_s);
         if let Some(zeta) = zeta {
-            t.pressure_gain_m_s_n = LegTuning::pressure_gain(&setup.believed_legs[0], 2500.0, zeta);
+            t.pressure_gain_m_s_n =
+                LegTuning::pressure_gain(&setup.believed_legs[0], REFERRED_MASS_KG, zeta);
         }
         t.high_pass_hz = high_pass.unwrap_or(t.high_pass_hz);
         if let Some(hz) = lead {

@@ -89,8 +89,6 @@ struct Found {
     capability: Capability,
     /// Factor by which the docking workspace could be larger.
     growth: f64,
-    /// Lengths of every leg over the docking workspace, m.
-    used: [[f64; 2]; 6],
     sections: [Section; 2],
 }
 
@@ -100,7 +98,6 @@ pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
     let mut out = Results::new(args.out.as_deref(), &format!("{}-workspace", subject.rig.name))?;
     let rig = &subject.rig;
     let maps = Maps::new(rig);
-    let mut used = [[f64::INFINITY, 0.0_f64]; 6];
     let mut table = format!(
         "{PLACE_COLUMNS},{},stroke_margin_m,tightest_leg,joint_margin_deg,least_singular_value\n",
         [0, 1, 2, 3, 4, 5].map(|i| format!("leg_{i}_m")).join(",")
@@ -108,8 +105,7 @@ pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
     for place in DockingWorkspace::grid() {
         let r = maps.reach(&rig.plate_from_docking(&rig.docking.pose(place.0)));
         let _ = write!(table, "{}", subject.place_csv(place));
-        for (used, l) in used.iter_mut().zip(r.lengths_m) {
-            *used = [used[0].min(l), used[1].max(l)];
+        for l in r.lengths_m {
             let _ = write!(table, ",{l:.6}");
         }
         let _ = writeln!(
@@ -125,7 +121,6 @@ pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {
         workspace: maps.workspace(),
         capability: maps.capability().ok_or_else(singular)?,
         growth: maps.growth(5.0),
-        used,
         sections: [[1, 0], [1, 2]].map(|axes| Section::new(&maps, rig, axes)),
     };
     out.save("workspace.csv".to_owned(), &table)?;
@@ -254,7 +249,7 @@ fn plot(subject: &Subject, f: &Found) -> Result<String, PlotError> {
         .margin_left(60.0)
         .legend("stroke of the leg", Colour::Blue)
         .legend("docking workspace", Colour::Vermilion);
-    for (i, (leg, used)) in rig.legs.iter().zip(f.used).enumerate() {
+    for (i, (leg, used)) in rig.legs.iter().zip(f.workspace.legs_m).enumerate() {
         legs = legs.lane(Lane {
             name: format!("leg {i}"),
             bars: vec![

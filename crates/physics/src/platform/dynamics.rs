@@ -207,7 +207,8 @@ impl Platform {
         forces_n: &[f64; 6],
         external: &Wrench,
     ) -> Option<Twist> {
-        self.forward_dynamics_with(c, twist, forces_n, external, &[0.0; 6])
+        let (mass, motion, weight) = self.terms(c, twist);
+        mass.accelerated(&(c.wrench(forces_n) + *external + -(motion + weight)))
     }
 
     /// As [`Platform::forward_dynamics`], every leg with a further mass (kg) that resists along it only.
@@ -224,8 +225,7 @@ impl Platform {
         for (i, m) in along_kg.iter().enumerate() {
             mass.add_along(*m, c.unit[i], c.arm[i]);
         }
-        let push = six_of(&(c.wrench(forces_n) + *external + -(motion + weight)));
-        Some(twist_of(&mass.matrix().cholesky()?.solve(&push)))
+        mass.accelerated(&(c.wrench(forces_n) + *external + -(motion + weight)))
     }
 
     /// Kinetic energy of plate and legs, J.
@@ -300,6 +300,11 @@ impl Blocks {
         self.translation += outer(direction, direction * mass);
         self.coupling += outer(direction, turning * mass);
         self.rotation += outer(turning, turning * mass);
+    }
+
+    /// Acceleration under a wrench about the arms' origin; `None` for numbers that are not finite.
+    fn accelerated(&self, push: &Wrench) -> Option<Twist> {
+        Some(twist_of(&self.matrix().cholesky()?.solve(&six_of(push))))
     }
 
     fn matrix(&self) -> Matrix6<f64> {

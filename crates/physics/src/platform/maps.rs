@@ -53,7 +53,9 @@ impl Reach {
 /// Whether the docking workspace fits into the reachable one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Workspace {
-    /// Shortest and longest leg over the docking workspace, m.
+    /// Shortest and longest length of every leg over the docking workspace, m.
+    pub legs_m: [[f64; 2]; 6],
+    /// Shortest and longest of all legs there, m.
     pub lengths_m: [f64; 2],
     /// Stroke that the docking workspace needs, m: the largest over the legs.
     pub stroke_m: f64,
@@ -279,6 +281,7 @@ impl<'a> Maps<'a> {
     #[must_use]
     pub fn workspace(&self) -> Workspace {
         let mut w = Workspace {
+            legs_m: [[f64::INFINITY, 0.0]; 6],
             lengths_m: [f64::INFINITY, 0.0],
             stroke_m: 0.0,
             stroke_margin_m: (f64::INFINITY, Place([0.0; 6])),
@@ -288,7 +291,6 @@ impl<'a> Maps<'a> {
             singularity_in_the_middle: self.reach(&self.middle).singularity,
             range: self.range(),
         };
-        let mut each = [[f64::INFINITY, 0.0_f64]; 6];
         for place in DockingWorkspace::grid() {
             let c = self.at(place);
             let rows = c.jacobian() * self.docking_to_plate(&c);
@@ -299,7 +301,7 @@ impl<'a> Maps<'a> {
                 }
             }
             let r = self.reach(&c.x_bp);
-            for (leg, l) in each.iter_mut().zip(r.lengths_m) {
+            for (leg, l) in w.legs_m.iter_mut().zip(r.lengths_m) {
                 *leg = [leg[0].min(l), leg[1].max(l)];
             }
             if r.stroke_margin_m < w.stroke_margin_m.0 {
@@ -312,7 +314,7 @@ impl<'a> Maps<'a> {
                 w.singularity = (r.singularity, place);
             }
         }
-        for [short, long] in each {
+        for [short, long] in w.legs_m {
             w.lengths_m = [w.lengths_m[0].min(short), w.lengths_m[1].max(long)];
             w.stroke_m = w.stroke_m.max(long - short);
         }
