@@ -150,6 +150,10 @@ pub struct RigMeasurement {
     pub sensor_a: [f64; 6],
     /// Sensor B, on the moving plate.
     pub sensor_b: [f64; 6],
+    /// What the mechanism's own sensors say: phases of the three latches (0 free, 1 approach, 2
+    /// struck, 3 latched), displacement of the ring from rest (m, axes of `e3`), its rotation vector
+    /// (rad), and 1 when the rings are joined. Zero where there are no such sensors.
+    pub mechanism: [f64; 10],
     /// Temperatures, °C; reserved, zero.
     pub temperature_c: [f64; 8],
     /// True origin of `ep` in `eb`, m.
@@ -193,12 +197,8 @@ impl RigCommand {
     /// True when no number is infinite or not a number.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let legs = [
-            &self.leg_length_m,
-            &self.leg_speed_m_s,
-            &self.leg_flow_speed_m_s,
-            &self.leg_force_n,
-        ];
+        let legs =
+            [&self.leg_length_m, &self.leg_speed_m_s, &self.leg_flow_speed_m_s, &self.leg_force_n];
         legs.into_iter()
             .flatten()
             .chain(&self.plate_position_m)
@@ -229,6 +229,7 @@ impl RigMeasurement {
             valve_spool: [0.0; 6],
             sensor_a: [0.0; 6],
             sensor_b: [0.0; 6],
+            mechanism: [0.0; 10],
             temperature_c: [0.0; 8],
             truth_position_m: [0.0; 3],
             truth_attitude: [1.0, 0.0, 0.0, 0.0],
@@ -255,13 +256,11 @@ impl RigMeasurement {
             &self.sensor_a,
             &self.sensor_b,
         ];
-        let measured = measured.into_iter().flatten().chain(&self.temperature_c);
+        let measured =
+            measured.into_iter().flatten().chain(&self.mechanism).chain(&self.temperature_c);
         let truth = [&self.truth_twist, &self.truth_port3, &self.truth_port4];
-        let truth = truth
-            .into_iter()
-            .flatten()
-            .chain(&self.truth_position_m)
-            .chain(&self.truth_attitude);
+        let truth =
+            truth.into_iter().flatten().chain(&self.truth_position_m).chain(&self.truth_attitude);
         measured.into_iter().all(|x| x.is_finite())
             && (!self.has(status::TRUTH) || truth.into_iter().all(|x| x.is_finite()))
     }
