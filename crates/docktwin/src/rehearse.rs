@@ -12,8 +12,8 @@ use docktwin_core::{SimTime, StateHasher, Tick, Wrench};
 use docktwin_model::FileDigest;
 use docktwin_physics::{
     body::BodyState,
-    contact::{PAIRS, SurfacePair},
-    mechanism::{LatchPhase, System},
+    contact::PAIRS,
+    mechanism::{LatchPhase, System, pair_name},
     outcome::{Judgement, Monitor, Outcome as Judged},
     reduced::{DockingState, DockingTwin, Inputs, ReducedTwin},
 };
@@ -131,14 +131,14 @@ impl Setup<'_> {
         let scenario = self.scenario;
         let (system, bodies) = start(scenario)?;
         let pair_names: Vec<String> =
-            (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
+            (0..PAIRS).map(|i| pair_name(&scenario.mechanism, i)).collect();
         let models = ModelCopies::read(scenario)?;
         let mut writer =
             RunWriter::create(self.out, columns(), pair_names, &self.metadata(), Policy::Wait)?;
         models.write(&writer)?;
         writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
         let mut view = if rrd {
-            let (model, names) = (playback::scene_model(scenario), playback::pair_names());
+            let (model, names) = (playback::scene_model(scenario), playback::pair_names(scenario));
             let writer = SceneWriter::create(&self.out.join("run.rrd"), &model, &names)?;
             Some((writer, Playback::new(scenario, &columns())?))
         } else {
@@ -366,14 +366,14 @@ impl Run {
             *f = Some(f.unwrap_or(0.0) + c.normal_w_n.length());
         }
         for (i, story) in self.pairs.iter_mut().enumerate() {
-            let pair = SurfacePair::from_index(i);
             match (force[i], story.since_s) {
                 (Some(f), None) => {
                     *story = PairStory { since_s: Some(t), last_s: t, peak_n: f };
+                    let pair = pair_name(system.mechanism(), i);
                     tell(
                         "contact_begin",
                         format!("t = {t:.3} s {pair} touch"),
-                        json!({ "pair": pair.to_string(), "force_n": f }),
+                        json!({ "pair": pair, "force_n": f }),
                     );
                 }
                 (Some(f), Some(_)) => {
@@ -383,6 +383,7 @@ impl Run {
                 (None, Some(since)) if t - story.last_s > self.gap_s => {
                     let (last, peak) = (story.last_s, story.peak_n);
                     *story = PairStory::default();
+                    let pair = pair_name(system.mechanism(), i);
                     tell(
                         "contact_end",
                         format!(
@@ -390,7 +391,7 @@ impl Run {
                             last - since,
                             peak * 1e-3
                         ),
-                        json!({ "pair": pair.to_string(), "since_s": since, "until_s": last, "peak_n": peak }),
+                        json!({ "pair": pair, "since_s": since, "until_s": last, "peak_n": peak }),
                     );
                 }
                 _ => {}
@@ -472,7 +473,7 @@ impl Run {
         );
         let (sp, sl) = self.momentum_scale;
         self.momentum_error = worst(self.momentum_error, (dp.length() / sp).max(dl.length() / sl));
-        if !now.measured.contacts().touching() && now.state.first_contact_s.is_some() {
+        if !now.measured.touching() && now.state.first_contact_s.is_some() {
             self.exit_speed = Some(now.relative.v.length());
         } else {
             self.exit_speed = None;

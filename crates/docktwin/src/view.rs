@@ -130,7 +130,8 @@ impl Run {
 
 fn save_one(dir: &Path, until: Option<SimTime>, file: &Path) -> Result<(), Failure> {
     let mut run = Run::open(dir)?;
-    let mut view = SceneWriter::create(file, &scene_model(&run.scenario), &pair_names())?;
+    let mut view =
+        SceneWriter::create(file, &scene_model(&run.scenario), &pair_names(&run.scenario))?;
     run.play(&mut view, until)?;
     Ok(view.finish()?)
 }
@@ -169,7 +170,7 @@ pub(crate) fn save_two(
     };
     // In B's own time; before its start nothing of it is shown.
     let until_b = until.map(|t| t.nanos().cast_signed() - shift_ns);
-    let names = pair_names();
+    let names = pair_names(&a.scenario);
     let mut front = SceneWriter::create_compared(file, &scene_model(&a.scenario), &names)?;
     let mut ghost = front.ghost(&scene_model(&b.scenario), &names, shift_ns)?;
     let seconds = SimTime::from_nanos(shift_ns.unsigned_abs()).seconds();
