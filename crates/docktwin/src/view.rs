@@ -265,14 +265,14 @@ impl Drop for Folder {
 }
 
 /// The viewer's program, and a folder for what it needs.
-struct Viewer {
+pub(crate) struct Viewer {
     program: PathBuf,
     dir: Folder,
 }
 
 impl Viewer {
     /// Finds the viewer of our version and makes sure that it will send no usage statistics.
-    fn find(named: Option<&Path>) -> Result<Self, Failure> {
+    pub(crate) fn find(named: Option<&Path>) -> Result<Self, Failure> {
         let program = named
             .map(Path::to_owned)
             .or_else(|| std::env::var_os(VIEWER).filter(|v| !v.is_empty()).map(PathBuf::from))
@@ -302,6 +302,11 @@ impl Viewer {
         }
         viewer.silence()?;
         Ok(viewer)
+    }
+
+    /// Its program.
+    pub(crate) fn program(&self) -> &Path {
+        &self.program
     }
 
     /// The viewer with a configuration of its own: nothing in the user's is changed or obeyed.

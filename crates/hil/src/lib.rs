@@ -1,4 +1,7 @@
 //! The loop: what runs in a rehearsal is what runs live, tick for tick.
 
+pub mod clock;
+pub mod histogram;
 pub mod port;
+pub mod realtime;
 pub mod rig;
