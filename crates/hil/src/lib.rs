@@ -2,6 +2,10 @@
 
 pub mod clock;
 pub mod histogram;
+pub mod desk;
+pub mod ideal;
+pub mod in_process;
+pub mod ipc;
 pub mod port;
 pub mod realtime;
 pub mod rig;

@@ -10,8 +10,13 @@
 
 use core::fmt;
 
+use iceoryx2::prelude::ZeroCopySend;
+
 /// Version of both structures. A peer of another version is refused.
 pub const PROTOCOL_VERSION: u32 = 1;
+
+/// Shortest and longest period of a loop, ns.
+const PERIODS_NS: core::ops::RangeInclusive<u64> = 10_000..=1_000_000_000;
 
 /// What a rig is asked to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,17 +72,23 @@ pub mod status {
     /// Sensor B (plate) is at the end of its range.
     pub const SENSOR_B_SATURATED: u32 = 1 << 4;
     /// The rig has left the commands and holds: no command in time, one that it refused, or a fault
-    /// of its own. It follows again after an idle command.
+    /// of its own. It follows again after an idle command of a new session.
     pub const SAFE_STATE: u32 = 1 << 5;
     /// The rig refused the command that this answers; `refusal` says why.
     pub const REFUSED: u32 = 1 << 6;
     /// The `truth_` fields hold; only emulated rigs set it.
     pub const TRUTH: u32 = 1 << 7;
+    /// Answers no command: what a rig in its safe state goes on telling to onlookers. `tick` is that
+    /// of the last command answered; the loop passes over it.
+    pub const UNASKED: u32 = 1 << 8;
 }
 
 /// From the loop to the rig, once a tick.
-#[derive(Clone, Copy, Debug, PartialEq)]
+///
+/// The type name is part of the protocol: peers in other languages join under it.
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
+#[type_name("DocktwinRigCommandV1")]
 pub struct RigCommand {
     /// [`PROTOCOL_VERSION`].
     pub protocol_version: u32,
@@ -119,8 +130,9 @@ pub struct RigCommand {
 }
 
 /// From the rig to the loop, once a tick.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
+#[type_name("DocktwinRigMeasurementV1")]
 pub struct RigMeasurement {
     /// [`PROTOCOL_VERSION`].
     pub protocol_version: u32,
@@ -288,6 +300,8 @@ pub enum Refusal {
     Stale = 8,
     /// A second rig, or a second loop, of the same name.
     Second = 9,
+    /// A period below 10 µs or above 1 s.
+    Period = 10,
 }
 
 impl Refusal {
@@ -304,6 +318,7 @@ impl Refusal {
             7 => Self::Session,
             8 => Self::Stale,
             9 => Self::Second,
+            10 => Self::Period,
             _ => return None,
         })
     }
@@ -321,6 +336,7 @@ impl fmt::Display for Refusal {
             Self::Session => "a message of another session: answer the session of the command",
             Self::Stale => "a message that is too old: the sender is late",
             Self::Second => "a second one of this name: stop one of them, or take another name",
+            Self::Period => "a period out of range: use 10 000 to 1 000 000 000 ns",
         })
     }
 }
@@ -347,6 +363,9 @@ impl Sequence {
             return Err(Refusal::Version);
         }
         let mode = RigMode::from_number(c.mode).ok_or(Refusal::Mode)?;
+        if !PERIODS_NS.contains(&c.period_ns) {
+            return Err(Refusal::Period);
+        }
         if c.session == 0 {
             return Err(Refusal::Session);
         }
@@ -366,6 +385,9 @@ impl Sequence {
     /// Judges a measurement at the loop, whose session is `self.session`; an accepted one becomes the
     /// last. `now_ns` is the clock of the time stamps: loop time in lockstep.
     ///
+    /// A measurement with [`status::REFUSED`] names the tick of a command that was not used, so that
+    /// number is not judged and does not count.
+    ///
     /// # Errors
     /// Why the measurement is not to be used.
     pub fn measurement(&mut self, m: &RigMeasurement, now_ns: u64) -> Result<(), Refusal> {
@@ -375,7 +397,8 @@ impl Sequence {
         if m.session != self.session {
             return Err(Refusal::Session);
         }
-        if self.tick.is_some_and(|last| m.tick <= last) {
+        let refused = m.has(status::REFUSED);
+        if !refused && self.tick.is_some_and(|last| m.tick <= last) {
             return Err(Refusal::TickBack);
         }
         if !m.is_finite() {
@@ -384,7 +407,9 @@ impl Sequence {
         if m.stamp_ns > now_ns {
             return Err(Refusal::Future);
         }
-        self.tick = Some(m.tick);
+        if !refused {
+            self.tick = Some(m.tick);
+        }
         Ok(())
     }
 }

@@ -1,0 +1,159 @@
+//! A rig that follows every command exactly, with a spring between rack and plate: what the loop must
+//! reproduce without any compensation, because G_I = 1.
+
+use docktwin_core::{DQuat, DVec3, Pose, StateHasher, Twist, Wrench};
+
+use crate::{
+    port::{RigCommand, RigMeasurement, RigMode, status},
+    rig::Plant,
+};
+
+/// Speed at which the plate draws back, m/s.
+const RETRACT_M_S: f64 = 0.01;
+
+/// A stick on the plate between two stops on the rack: (14) without damping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stops {
+    /// Along which the stops act, unit vector in `e3`.
+    pub axis: DVec3,
+    /// Position of the origin of `e4` from that of `e3` in the middle between the stops, in `e3`, m.
+    pub middle_m: DVec3,
+    /// Free play to each side, m, not negative.
+    pub free_play_m: f64,
+    /// Stiffness of a stop, N/m; 0 for none.
+    pub stiffness_n_m: f64,
+}
+
+impl Default for Stops {
+    /// Table 4, rows 1 to 3, along the docking axis: 35.4 kN/m, ±10 mm.
+    fn default() -> Self {
+        Self { axis: DVec3::X, middle_m: DVec3::ZERO, free_play_m: 0.010, stiffness_n_m: 35.4e3 }
+    }
+}
+
+impl Stops {
+    /// Force on what the plate carries, N in `e3`, with the origin of `e4` at `p_34`.
+    #[must_use]
+    pub fn force_n(&self, p_34: DVec3) -> DVec3 {
+        let x = (p_34 - self.middle_m).dot(self.axis);
+        let depth_m = (x.abs() - self.free_play_m).max(0.0);
+        self.axis * (-x.signum() * self.stiffness_n_m * depth_m)
+    }
+}
+
+/// A rig without mass, delay or error.
+///
+/// Its sensors stand in `e3` (A) and `e4` (B) and weigh nothing, so they feel what the ports feel.
+/// In [`RigMode::Idle`] it goes back to where it began, so that runs repeat.
+#[derive(Clone, Debug)]
+pub struct IdealRig {
+    /// Mounting plane of the active mechanism in the ground, `X_b3`.
+    x_b3: Pose,
+    /// Plate in the mounting plane of the passive mechanism, `X_4p`.
+    x_4p: Pose,
+    stops: Stops,
+    start: Pose,
+    x_bp: Pose,
+    twist: Twist,
+    legs: [[f64; 6]; 3],
+}
+
+impl IdealRig {
+    /// With its plate at `start`, `X_bp`.
+    #[must_use]
+    pub fn new(x_b3: Pose, x_4p: Pose, stops: Stops, start: Pose) -> Self {
+        let (twist, legs) = (Twist::default(), [[0.0; 6]; 3]);
+        Self { x_b3, x_4p, stops, start, x_bp: start, twist, legs }
+    }
+
+    fn reset(&mut self) {
+        *self = Self::new(self.x_b3, self.x_4p, self.stops, self.start);
+    }
+
+    fn rest(&mut self) {
+        self.twist = Twist::default();
+        self.legs[1] = [0.0; 6];
+    }
+
+    fn follow(&mut self, c: &RigCommand) {
+        let [w, x, y, z] = c.plate_attitude;
+        let q = DQuat::from_xyzw(x, y, z, w);
+        self.x_bp = Pose::new(DVec3::from_array(c.plate_position_m), q);
+        self.twist = Twist {
+            v: DVec3::from_array(c.plate_velocity_m_s),
+            w: DVec3::from_array(c.plate_rate_rad_s),
+        };
+        self.legs = [c.leg_length_m, c.leg_speed_m_s, c.leg_force_n];
+    }
+
+    fn retract(&mut self, period_s: f64) {
+        // Away from the rack: +X of `e3` points from the active to the passive mechanism.
+        let back = self.x_b3.q * DVec3::X;
+        self.twist = Twist { v: back * RETRACT_M_S, w: DVec3::ZERO };
+        self.x_bp.p += self.twist.v * period_s;
+    }
+
+    /// Wrench on the chaser at `e3`, and on the target at `e4`, each in its own axes.
+    fn ports(&self) -> (Wrench, Wrench) {
+        let x_34 = self.x_b3.inverse() * self.x_bp * self.x_4p.inverse();
+        let on_target = self.stops.force_n(x_34.p);
+        let f3 = Wrench::at(x_34.p, -on_target);
+        let f4 = Wrench { f: x_34.q.conjugate() * on_target, m: DVec3::ZERO };
+        (f3, f4)
+    }
+
+    fn measure(&self, status: u32) -> RigMeasurement {
+        let (f3, f4) = self.ports();
+        let (f3, f4) = (array(f3.f, f3.m), array(f4.f, f4.m));
+        let q = self.x_bp.q;
+        let attitude = [q.w, q.x, q.y, q.z];
+        let mut m = RigMeasurement {
+            status: status | status::TRUTH,
+            leg_length_m: self.legs[0],
+            leg_speed_m_s: self.legs[1],
+            leg_force_n: self.legs[2],
+            sensor_a: f3,
+            sensor_b: f4,
+            truth_position_m: self.x_bp.p.to_array(),
+            truth_attitude: attitude,
+            truth_twist: array(self.twist.v, self.twist.w),
+            truth_port3: f3,
+            truth_port4: f4,
+            ..RigMeasurement::zero()
+        };
+        m.state_digest = digest(&m);
+        m
+    }
+}
+
+fn array(first: DVec3, second: DVec3) -> [f64; 6] {
+    [first.x, first.y, first.z, second.x, second.y, second.z]
+}
+
+fn digest(m: &RigMeasurement) -> u64 {
+    let mut h = StateHasher::new();
+    let state = m.truth_position_m.iter().chain(&m.truth_attitude).chain(&m.truth_twist);
+    for x in state.chain(&m.leg_length_m).chain(&m.leg_force_n) {
+        h.f64(*x);
+    }
+    h.finish().short()
+}
+
+impl Plant for IdealRig {
+    fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
+        let mode = RigMode::from_number(command.mode).unwrap_or(RigMode::Stop);
+        match mode {
+            RigMode::Idle => self.reset(),
+            RigMode::Hold | RigMode::Stop => self.rest(),
+            RigMode::Track => self.follow(command),
+            #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
+            RigMode::Retract => self.retract(command.period_ns as f64 * 1e-9),
+        }
+        self.measure(if mode == RigMode::Idle { 0 } else { status::ENABLED })
+    }
+
+    fn alone(&mut self, _period_ns: u64) -> RigMeasurement {
+        self.rest();
+        self.measure(status::ENABLED)
+    }
+}
