@@ -172,7 +172,7 @@ impl Live {
     /// No viewer answers, the columns lack what a scene is made of, or no thread can be started.
     pub fn start(url: &str, scenario: &Scenario, columns: &[Column]) -> Result<Self, LiveError> {
         let playback = Playback::new(scenario, columns)?;
-        let view = SceneWriter::live(url, &scene_model(scenario), &pair_names())
+        let view = SceneWriter::live(url, &scene_model(scenario), &pair_names(scenario))
             .map_err(PlaybackError::from)?;
         let ring = Arc::new(Ring::new(TICKS, columns.len()));
         let (events, told) = sync_channel(EVENTS);

@@ -869,6 +869,11 @@ impl<R: Rig, K: Clock> Loop<R, K, Stopped> {
         &self.state
     }
 
+    /// How it ended, alone; the rig is let go.
+    pub fn into_end(self) -> Stopped {
+        self.state
+    }
+
     /// Makes the loop idle again, for another run with a session of its own.
     #[must_use]
     pub fn reset(mut self, session: u64) -> Loop<R, K, Idle> {
