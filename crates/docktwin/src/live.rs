@@ -240,7 +240,9 @@ impl Shower {
         let mut pushed = Instant::now();
         loop {
             // Before the last look at the ring, or a tick written in between would be lost.
-            let closed = self.ring.closed.load(Ordering::Acquire);
+            let closed = self.ring.closed.load(Ordering::Acquire)
+                // The sender was dropped.
+                || Arc::strong_count(&self.ring) == 1;
             while let Ok(e) = self.told.try_recv() {
                 self.view.event(e.time, &e.kind, &e.text)?;
             }
