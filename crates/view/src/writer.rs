@@ -398,7 +398,7 @@ impl SceneWriter {
         Self::start(path, scene, pair_names, Part::Alone)
     }
 
-    /// Streams to a viewer that is open instead of a file, at `url` (see [`LIVE_URL`]). What was
+    /// Streams to a viewer that is open instead of a file, at `url` (see [`crate::LIVE_URL`]). What was
     /// recorded since is sent by [`Self::push`]. Calls may wait while the viewer does not keep up:
     /// not for a thread that keeps time.
     ///
