@@ -66,6 +66,16 @@ struct Slot {
     due: bool,
 }
 
+impl Slot {
+    fn put(&mut self, time: SimTime, row: &[Cell], contacts: &[ContactRow], due: bool) {
+        (self.time, self.due) = (time, due);
+        self.row.clear();
+        self.row.extend_from_slice(row);
+        self.contacts.clear();
+        self.contacts.extend_from_slice(contacts);
+    }
+}
+
 /// Places between one sender and one receiver. A place belongs to the receiver from the moment `head`
 /// passes it until `tail` does, to the sender otherwise: so no lock is ever contended, and the sender
 /// takes a fixed number of steps whatever the receiver does. A channel would not do: a receiver that
@@ -188,14 +198,7 @@ impl Live {
     /// Hands one tick over, as [`Playback::show`] would take it. Neither waits nor allocates, as long
     /// as the row has the columns that were announced.
     pub fn tick(&mut self, time: SimTime, row: &[Cell], contacts: &[ContactRow], due: bool) {
-        let written = self.ring.write(|slot| {
-            slot.time = time;
-            slot.row.clear();
-            slot.row.extend_from_slice(row);
-            slot.contacts.clear();
-            slot.contacts.extend_from_slice(contacts);
-            slot.due = due;
-        });
+        let written = self.ring.write(|slot| slot.put(time, row, contacts, due));
         self.sent += u64::from(written);
         self.dropped += u64::from(!written);
     }
@@ -237,7 +240,9 @@ impl Shower {
         let mut pushed = Instant::now();
         loop {
             // Before the last look at the ring, or a tick written in between would be lost.
-            let closed = self.ring.closed.load(Ordering::Acquire);
+            let closed = self.ring.closed.load(Ordering::Acquire)
+                // The sender was dropped.
+                || Arc::strong_count(&self.ring) == 1;
             while let Ok(e) = self.told.try_recv() {
                 self.view.event(e.time, &e.kind, &e.text)?;
             }
@@ -288,6 +293,25 @@ mod tests {
         assert!(write(&ring, 5));
         assert_eq!([2, 3, 5].map(Some), core::array::from_fn(|_| read(&ring)));
         assert_eq!(read(&ring), None);
+    }
+
+    #[test]
+    fn invariant_places_are_used_again_and_never_grow() {
+        let ring = Ring::new(2, 40);
+        let places = || {
+            let place = |s: &Mutex<Slot>| {
+                let s = s.lock().expect("no panic");
+                (s.row.as_ptr(), s.row.capacity(), s.contacts.as_ptr(), s.contacts.capacity())
+            };
+            ring.slots.iter().map(place).collect::<Vec<_>>()
+        };
+        let before = places();
+        let (row, contacts) = ([Cell::default(); 40], [ContactRow::default(); MAX_CONTACTS]);
+        for _ in 0..10 {
+            assert!(ring.write(|s| s.put(SimTime::ZERO, &row, &contacts, true)));
+            assert_eq!(ring.read(|s| (s.row.len(), s.contacts.len())), Some((40, MAX_CONTACTS)));
+        }
+        assert_eq!(places(), before);
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub(crate) const CONTACT_GAP_S: f64 = 0.02;
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
 /// How long a viewer may take over what is left when the run has ended.
-const LIVE_PATIENCE: Duration = Duration::from_secs(10);
+const LIVE_PATIENCE: Duration = Duration::from_secs(5);
 /// Between two lines about the approach to a pilot, ns of simulated time.
 const PILOT_LINE_NS: u64 = 100_000_000;
 
@@ -338,6 +338,9 @@ impl Setup<'_> {
                 }
             }
         }
+        let wall_s = wall.elapsed().as_secs_f64();
+        summary.wall_s = wall_s;
+        summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
         if let Some(l) = live {
             l.events().event(time, &outcome_event.kind, &outcome_event.text);
             let report = l.finish(LIVE_PATIENCE);
@@ -345,9 +348,6 @@ impl Setup<'_> {
                 tell(&report);
             }
         }
-        let wall_s = wall.elapsed().as_secs_f64();
-        summary.wall_s = wall_s;
-        summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
         match writer.finish(&summary) {
             Ok(recording) => summary.recording = Some(recording),
             Err(e) => {
