@@ -13,3 +13,4 @@ pub mod leg;
 pub mod linear;
 pub mod response;
 pub mod rig;
+pub mod single_dof;

@@ -193,12 +193,8 @@ impl RigCommand {
     /// True when no number is infinite or not a number.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let legs = [
-            &self.leg_length_m,
-            &self.leg_speed_m_s,
-            &self.leg_flow_speed_m_s,
-            &self.leg_force_n,
-        ];
+        let legs =
+            [&self.leg_length_m, &self.leg_speed_m_s, &self.leg_flow_speed_m_s, &self.leg_force_n];
         legs.into_iter()
             .flatten()
             .chain(&self.plate_position_m)
@@ -257,11 +253,8 @@ impl RigMeasurement {
         ];
         let measured = measured.into_iter().flatten().chain(&self.temperature_c);
         let truth = [&self.truth_twist, &self.truth_port3, &self.truth_port4];
-        let truth = truth
-            .into_iter()
-            .flatten()
-            .chain(&self.truth_position_m)
-            .chain(&self.truth_attitude);
+        let truth =
+            truth.into_iter().flatten().chain(&self.truth_position_m).chain(&self.truth_attitude);
         measured.into_iter().all(|x| x.is_finite())
             && (!self.has(status::TRUTH) || truth.into_iter().all(|x| x.is_finite()))
     }
