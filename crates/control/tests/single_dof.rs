@@ -9,8 +9,8 @@ use std::{
 use docktwin_control::{
     rig::SetupError,
     single_dof::{
-        At, Compensation, Docking, Interface, Likeness, Mechanism, Memory, Sample, SingleDofSetup,
-        measure,
+        At, Compensation, Docking, Interface, Likeness, Mechanism, Memory, Rebound, Sample,
+        SingleDofSetup, measure,
         transfer::{LinearSimulator, body_dynamics, closed, mechanism, s_of},
     },
 };
@@ -51,17 +51,6 @@ fn natural_rad_s() -> f64 {
     (K / 4800.0f64).sqrt()
 }
 
-/// Speed after a contact over the speed before it, and its time until the bodies' displacement is
-/// zero again.
-fn rebound(d: &Docking, run: &[Sample]) -> (f64, f64) {
-    let zero = run.windows(2).rev().find(|w| w[0].body_m > 0.0 && w[1].body_m <= 0.0).unwrap();
-    let share = zero[0].body_m / (zero[0].body_m - zero[1].body_m);
-    let back = zero[0].time_s + share * (zero[1].time_s - zero[0].time_s);
-    let last = run[run.len() - 1];
-    assert!(last.force_n.abs() < 1e-9, "still in contact");
-    (-last.speed_m_s / d.closing_speed_m_s, back - d.gap_m / d.closing_speed_m_s)
-}
-
 /// x(t) of a damped oscillator from rest length, and half a period of it.
 #[test]
 fn oracle_the_simulated_system_is_the_damped_oscillator() {
@@ -78,7 +67,7 @@ fn oracle_the_simulated_system_is_the_damped_oscillator() {
     // The paper's row: 8 t against 12 t, 1e6 N/m, 0.35 m/s.
     let d = Docking::of_table_2(Mechanism::Contact { stiffness_n_m: K }, 0.35);
     let run = d.simulated(600);
-    let (e, time) = rebound(&d, &run);
+    let Rebound { restitution: e, time_s: time } = Rebound::of(&d, &run).unwrap();
     let peak = run.iter().map(|s| s.force_n).fold(0.0, f64::max);
     assert!((e - 1.0).abs() < 1e-6 && (time - 0.21766).abs() < 1e-5, "{e} {time}");
     assert!((peak - 24249.0).abs() < 3.0, "{peak}");
@@ -112,7 +101,7 @@ fn oracle_a_delay_gives_energy_to_a_contact() {
         d.closing_speed_m_s = 0.1 * w.min(1.0);
         let ticks = (1.6 * PI / w / 1e-3) + d.gap_m / d.closing_speed_m_s / 1e-3;
         let run = d.hil(&Interface::Ideal { delay_s }, ticks as u32).unwrap();
-        let (got, time) = rebound(&d, &run);
+        let Rebound { restitution: got, time_s: time } = Rebound::of(&d, &run).unwrap();
         let slow = time * w / PI;
         println!("theta {theta}: e {got:.5} ({e}), time {slow:.5} ({slower})");
         assert!((got / e - 1.0).abs() < 4e-4, "{theta}: {got} {e}");

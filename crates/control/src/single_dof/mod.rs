@@ -278,3 +278,27 @@ impl Likeness {
             .fold(0.0, f64::max)
     }
 }
+
+/// What one contact did, seen from the body programme.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rebound {
+    /// Speed apart over the speed of approach.
+    pub restitution: f64,
+    /// From first touch until the displacement is zero again, s.
+    pub time_s: f64,
+}
+
+impl Rebound {
+    /// Of a run that ends after its one contact; `None` if it does not.
+    #[must_use]
+    pub fn of(docking: &Docking, run: &[Sample]) -> Option<Self> {
+        let back = run.windows(2).rev().find(|w| w[0].body_m > 0.0 && w[1].body_m <= 0.0)?;
+        let last = run.last().filter(|s| s.rig_m < 0.0)?;
+        let share = back[0].body_m / (back[0].body_m - back[1].body_m);
+        let v0 = docking.closing_speed_m_s;
+        Some(Self {
+            restitution: -last.speed_m_s / v0,
+            time_s: back[0].time_s + share * TICK_S - docking.gap_m / v0,
+        })
+    }
+}

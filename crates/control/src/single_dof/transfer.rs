@@ -2,7 +2,8 @@
 
 use core::f64::consts::TAU;
 
-use nalgebra::{Complex, DMatrix, Matrix6};
+pub use nalgebra::Complex;
+use nalgebra::{DMatrix, Matrix6};
 
 use super::{Compensation, ForceSensor, SingleDofSetup};
 use crate::linear::{LinearInputs, LinearRig};
