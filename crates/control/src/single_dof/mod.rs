@@ -35,6 +35,8 @@ use crate::{
 
 /// Step with which the simulated system is integrated, s.
 const REFERENCE_STEP_S: f64 = 1e-5;
+/// Free flight before first touch, whole ticks.
+const APPROACH_TICKS: f64 = 60.0;
 
 /// A force sensor of second order.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,7 +124,7 @@ pub struct Docking {
     pub chaser_kg: f64,
     /// m2, kg (Table 2: 12000).
     pub target_kg: f64,
-    /// Closing speed, m/s.
+    /// Closing speed, m/s, above 0.
     pub closing_speed_m_s: f64,
     /// Free way before first touch, m.
     pub gap_m: f64,
@@ -147,10 +149,21 @@ pub struct Sample {
 }
 
 impl Docking {
-    /// The bodies of Table 2 at a closing speed, 20 mm before the touch.
+    /// The bodies of Table 2 at a closing speed (m/s, above 0), 60 ms before they touch, a sixteenth of
+    /// a tick after a tick.
     #[must_use]
-    pub const fn of_table_2(mechanism: Mechanism, closing_speed_m_s: f64) -> Self {
-        Self { chaser_kg: 8000.0, target_kg: 12000.0, closing_speed_m_s, gap_m: 0.02, mechanism }
+    pub fn of_table_2(mechanism: Mechanism, closing_speed_m_s: f64) -> Self {
+        let (chaser_kg, target_kg) = (8000.0, 12000.0);
+        let docking = Self { chaser_kg, target_kg, closing_speed_m_s, gap_m: 0.0, mechanism };
+        docking.touching(1.0 / 16.0)
+    }
+
+    /// The same, touching first so far after a tick, in parts of it (0 to 1). A programme that is
+    /// sampled cannot know that moment, and forces that begin with a step depend on it.
+    #[must_use]
+    pub fn touching(&self, part: f64) -> Self {
+        let gap_m = self.closing_speed_m_s * (APPROACH_TICKS + part) * TICK_S;
+        Self { gap_m, ..self.clone() }
     }
 
     /// `m_r = m1 m2/(m1 + m2)`, kg.
@@ -267,6 +280,18 @@ impl Likeness {
         let (displacement_nrms, displacement_peak) = of(|s| s.body_m);
         let (force_nrms, force_peak) = of(|s| s.force_n);
         Self { displacement_nrms, force_nrms, displacement_peak, force_peak }
+    }
+
+    /// Figure by figure the one of both that is larger without sign.
+    #[must_use]
+    pub fn or_worse(&self, other: &Self) -> Self {
+        let larger = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
+        Self {
+            displacement_nrms: larger(self.displacement_nrms, other.displacement_nrms),
+            force_nrms: larger(self.force_nrms, other.force_nrms),
+            displacement_peak: larger(self.displacement_peak, other.displacement_peak),
+            force_peak: larger(self.force_peak, other.force_peak),
+        }
     }
 
     /// The largest of all four, without sign.

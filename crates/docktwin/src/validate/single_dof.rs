@@ -30,7 +30,9 @@ alone, is integrated finely; the HIL simulation runs at 1 kHz with an interface:
 exactly one (G_I = 1); the hydraulic leg of Table 1 with its control, friction, dead time and a
 force sensor of 350 Hz; and the same with the motion asked for ahead and the contact force expected
 (compensated). Required: with G_I = 1 displacement and force of the docking, in RMS and peak, are
-those of the simulated system within 0.1 %.
+those of the simulated system within 0.1 %, at the worst of eight moments of first touch within a
+tick. Where a mechanism's force begins with a large step or it meets its end stop, 1 kHz can be too
+slow for that: exit code 1 says so.
 
 The directory holds fig23_interface.svg (Bode of G_I, linear and measured by sines on the running
 leg), fig24_loop.svg (Bode of (7) over (6), spring of Table 3), fig25_displacement.svg and
@@ -41,7 +43,7 @@ spring.csv and single-dof.json (what --json prints).
 Examples:
   docktwin validate single-dof
   docktwin validate single-dof --preset stiff --out stiff --json
-  docktwin validate single-dof --rig mine.toml --mechanism my_active.urdf --speed-m-s 0.1
+  docktwin validate single-dof --rig mine.toml --mechanism my_active.urdf --speed-m-s 0.2
 
 Exit codes: 0 within the requirement; 1 not; 2 bad input.";
 
@@ -86,6 +88,10 @@ const SINES_HZ: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 1
 /// The paper's requirement is at this frequency; docking happens below the other, Hz.
 const PAPER_HZ: f64 = 10.0;
 const DOCKING_HZ: f64 = 5.0;
+/// `G_I` = 1.
+const ONE: Interface<'_> = Interface::Ideal { delay_s: 0.0 };
+/// Moments of first touch within a tick that are judged.
+const TOUCHES: u32 = 8;
 /// Parts of the docking's speed at which the joined spring is met: it swings up.
 const SPRING_SPEED: f64 = 0.2;
 
@@ -211,16 +217,23 @@ impl Runs {
     fn new(docking: Docking, legs: &[SingleDofSetup; 2]) -> Result<Self, Failure> {
         let run =
             |interface: &Interface<'_>| docking.hil(interface, TICKS).map_err(|e| refused(&e));
-        let hil = [
-            run(&Interface::Ideal { delay_s: 0.0 })?,
-            run(&Interface::Leg(&legs[0]))?,
-            run(&Interface::Leg(&legs[1]))?,
-        ];
+        let hil = [run(&ONE)?, run(&Interface::Leg(&legs[0]))?, run(&Interface::Leg(&legs[1]))?];
         Ok(Self { simulated: docking.simulated(TICKS), hil, docking })
     }
 
     fn likeness(&self) -> [Likeness; 3] {
         core::array::from_fn(|i| Likeness::of(&self.hil[i], &self.simulated))
+    }
+
+    /// With `G_I` = 1 the worst of several moments of first touch within a tick.
+    fn likeness_of_one(&self) -> Result<Likeness, Failure> {
+        let mut worst = Likeness::of(&self.hil[0], &self.simulated);
+        for i in 0..TOUCHES {
+            let d = self.docking.touching((f64::from(i) + 0.5) / f64::from(TOUCHES));
+            let hil = d.hil(&ONE, TICKS).map_err(|e| refused(&e))?;
+            worst = worst.or_worse(&Likeness::of(&hil, &d.simulated(TICKS)));
+        }
+        Ok(worst)
     }
 
     /// Restitution and duration over the simulated system's.
@@ -245,6 +258,7 @@ struct Found {
     docking: Runs,
     spring: Runs,
     contact: Runs,
+    /// Of the docking; with `G_I` = 1 the worst of several touches.
     likeness: [Likeness; 3],
 }
 
@@ -303,6 +317,8 @@ pub(super) fn run(args: &SingleDofArgs, json: bool) -> Result<ExitCode, Failure>
     let runs =
         |m: Mechanism, part: f64| Runs::new(Docking::of_table_2(m, part * args.speed_m_s), &legs);
     let docking = runs(Mechanism::Characteristic(axial), 1.0)?;
+    let mut likeness = docking.likeness();
+    likeness[0] = docking.likeness_of_one()?;
     let joined = Mechanism::Linear { stiffness_n_m: STIFFNESS_N_M, damping_n_s_m: DAMPING_N_S_M };
     let found = Found {
         rig: rig.name,
@@ -310,7 +326,7 @@ pub(super) fn run(args: &SingleDofArgs, json: bool) -> Result<ExitCode, Failure>
         mechanism,
         loops: loops(docking.docking.reduced_mass_kg(), &bodes),
         bodes,
-        likeness: docking.likeness(),
+        likeness,
         docking,
         spring: runs(joined, SPRING_SPEED)?,
         contact: runs(Mechanism::Contact { stiffness_n_m: STIFFNESS_N_M }, 1.0)?,
@@ -435,6 +451,7 @@ fn as_json(f: &Found) -> Value {
         "reduced_mass_kg": d.reduced_mass_kg(),
         "closing_speed_m_s": d.closing_speed_m_s,
         "gap_m": d.gap_m,
+        "touches_with_g_i_one": TOUCHES,
         "required_with_g_i_one": REQUIRED,
         "holds": f.holds(),
         "g_i": interfaces,
