@@ -74,3 +74,50 @@ impl<T> Ring<T> {
         self.closed.load(Ordering::Acquire)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn oracle_a_full_ring_refuses_and_keeps_what_it_has() {
+        let ring = Ring::new(3, || 0);
+        let write = |n| ring.write(|s| *s = n);
+        let read = || ring.read(|s| *s);
+        assert_eq!(read(), None);
+        assert_eq!([1, 2, 3, 4].map(write), [true, true, true, false]);
+        assert_eq!(read(), Some(1));
+        assert!(write(5));
+        assert_eq!([2, 3, 5].map(Some), core::array::from_fn(|_| read()));
+        assert_eq!(read(), None);
+    }
+
+    #[test]
+    fn invariant_what_arrives_is_whole_and_in_order_and_the_rest_is_counted() {
+        let ring = Arc::new(Ring::new(8, || [0_u64; 2]));
+        let reader = {
+            let ring = Arc::clone(&ring);
+            std::thread::spawn(move || {
+                let (mut n, mut last) = (0_u64, 0);
+                loop {
+                    let closed = ring.is_closed();
+                    match ring.read(|s| *s) {
+                        Some([t, not]) => {
+                            assert_eq!(t, !not, "torn");
+                            assert!(t > last, "{t} after {last}");
+                            (n, last) = (n + 1, t);
+                        }
+                        None if closed => return n,
+                        None => std::thread::yield_now(),
+                    }
+                }
+            })
+        };
+        let sent: u64 = (1..=100_000).map(|n| u64::from(ring.write(|s| *s = [n, !n]))).sum();
+        ring.close();
+        assert_eq!(reader.join().expect("no panic"), sent);
+        assert!(sent >= 8);
+    }
+}

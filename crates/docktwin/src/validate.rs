@@ -1,9 +1,11 @@
 //! `validate`: docktwin held against something else. `crosscheck`: the same scenario in MuJoCo, by the
-//! Python side under `validation/`, which shares no code with this one.
+//! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
+//! simulation against the simulated system.
 
 mod comparison;
 mod plots;
 mod second;
+mod single_dof;
 
 use std::{
     path::{Path, PathBuf},
@@ -34,6 +36,9 @@ pub(crate) enum ValidateCommand {
     /// Run a scenario in MuJoCo too and compare
     #[command(after_help = CROSSCHECK)]
     Crosscheck(CrosscheckArgs),
+    /// Run the single-DOF HIL simulation of the paper (Fig. 23 to 26) against the simulated system
+    #[command(after_help = single_dof::EXAMPLES)]
+    SingleDof(single_dof::SingleDofArgs),
 }
 
 const CROSSCHECK: &str = "\
@@ -92,8 +97,10 @@ fn step_ms(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub(crate) fn run(command: &ValidateCommand, json: bool) -> Result<ExitCode, Failure> {
-    let ValidateCommand::Crosscheck(args) = command;
-    crosscheck(args, json)
+    match command {
+        ValidateCommand::Crosscheck(args) => crosscheck(args, json),
+        ValidateCommand::SingleDof(args) => single_dof::run(args, json),
+    }
 }
 
 fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
