@@ -211,7 +211,7 @@ pub(crate) struct HilArgs {
     pub(crate) pilot: PilotArgs,
 }
 
-fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {
+pub(crate) fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {
     let words = docktwin_scenario::CompensatorChoice::WORDS;
     words
         .into_iter()
@@ -262,7 +262,7 @@ pub(crate) struct PilotArgs {
     pub(crate) hold_s: f64,
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if (0.0..=1e9).contains(&x) => Ok(x),
         _ => Err("a number, not negative, is wanted".to_owned()),

@@ -399,13 +399,18 @@ fn compensation(
 fn session(args: &HilArgs) -> u64 {
     match args.clock {
         ClockArg::Virtual if args.rig == "emulated" => 1,
-        _ => SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .ok()
-            .and_then(|d| u64::try_from(d.as_nanos()).ok())
-            .unwrap_or(1)
-            .max(1),
+        _ => wall_session(),
     }
+}
+
+/// A number that no earlier run has had.
+pub(crate) fn wall_session() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .ok()
+        .and_then(|d| u64::try_from(d.as_nanos()).ok())
+        .unwrap_or(1)
+        .max(1)
 }
 
 /// The longest run-up that stays clear of the other side.
