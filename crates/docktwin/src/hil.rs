@@ -25,10 +25,10 @@ use docktwin::{
 use docktwin_control::{
     compensator::{Compensation, Compensator as _, MOST_LEAD_S},
     rig::RigSetup,
-    safety::{Limit, SafetyLimits, Trip},
+    safety::{Limit, SafetyLimits, Trip, half_widths},
     sensing::SensorScheme,
 };
-use docktwin_core::{Digest, SimTime, Tick};
+use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
@@ -166,6 +166,10 @@ impl<'a> Prepared<'a> {
         let lag_s = sensors.force.delay_s
             + 2.0 * sensors.force.damping_ratio
                 / (core::f64::consts::TAU * sensors.force.natural_frequency_hz);
+        let run_up_s = run_up_s(&system, &bodies, &programme);
+        for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
+            within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
+        }
         let compensation = compensation(args, scenario, interface_delay_s + lag_s)?;
         let limits = &scenario.mechanism.limits;
         let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
@@ -186,7 +190,7 @@ impl<'a> Prepared<'a> {
                 speed_m_s: MOVE_M_S,
                 rate_rad_s: MOVE_RAD_S,
                 settle_s: SETTLE_S,
-                run_up_s: run_up_s(&system, &bodies, &programme),
+                run_up_s,
             },
             bodies: programme,
             ticks: scenario.run.ticks(),
@@ -432,6 +436,34 @@ fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> 
         time *= 0.8;
     }
     time.max(shortest)
+}
+
+/// The rig can show this pose with room to spare.
+fn within_reach(
+    rig: &RigModel,
+    believed: &RigSetup,
+    x_34: &Pose,
+    what: &str,
+) -> Result<(), Failure> {
+    let c = believed.believed_platform.at(&rig.plate_from_docking(x_34));
+    let margins = believed.believed_platform.stroke_margins_m(&c.length_m);
+    let least = margins.iter().copied().fold(f64::INFINITY, f64::min);
+    let limits = SafetyLimits::of_rig(rig, 0.0, 0.0);
+    let (far, most) = (half_widths(rig, x_34), limits.of(Limit::Pose));
+    if least > limits.of(Limit::Stroke) && far < most {
+        return Ok(());
+    }
+    let p = x_34.p;
+    Err(Failure::Usage {
+        what: format!(
+            "the rig cannot show the {what}, X_34 at ({:.2}, {:.2}, {:.2}) m: {far:.2} half-widths of \
+             the docking workspace from its middle (most {most}), {least:.2} m of stroke left",
+            p.x, p.y, p.z
+        ),
+        remedy: "give a smaller initial.gap_m or other initial conditions; \
+                 `docktwin analyze workspace RIG.toml` tells what the rig reaches"
+            .to_owned(),
+    })
 }
 
 fn confirm() -> Result<bool, Failure> {
@@ -794,13 +826,16 @@ impl<'a> Recorder<'a> {
             l.tick(time, &self.run.row, &self.run.contacts, due);
         }
         self.ticks += 1;
-        r.closed_tick.is_some()
-            && (self.run.monitor.limit().is_some()
-                || (self.scenario.run.stop_when_decided
-                    && self
-                        .run
-                        .monitor
-                        .decided(t, thrust_ahead(&self.scenario.thrusts, self.watcher.state(), t))))
+        if r.closed_tick.is_none() {
+            return false;
+        }
+        // Parted spacecraft leave the rig's workspace: there is nothing more to be learnt.
+        let state = self.watcher.state();
+        let parted = state.mechanism.captured_s().is_none();
+        let ahead = thrust_ahead(&self.scenario.thrusts, state, t);
+        self.run.monitor.limit().is_some()
+            || ((self.scenario.run.stop_when_decided || parted)
+                && self.run.monitor.decided(t, ahead))
     }
 
     fn tell(&mut self, events: Vec<Event>, time: SimTime) {

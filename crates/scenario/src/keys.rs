@@ -259,8 +259,8 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "expect.hil_outcome",
         Shape::Words(OUTCOMES, false),
-        "How `hil` must end to pass, where that is not `outcome`; the other bounds then count for \
-         `rehearse` alone.",
+        "How `hil` must end to pass, where that is not `outcome`. The other bounds count for \
+         `rehearse` alone: how far a rig is from it is told as fidelity.",
     ),
     key("expect.because", Shape::Text, "Why physics gives this outcome."),
     key("expect.first_contact_after_s", Shape::Maybe(TIME), "First contact not before this time."),
