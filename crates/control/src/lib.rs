@@ -7,9 +7,13 @@
 //!
 //! No clock, no file, no physics engine; what runs in the loop does not allocate.
 
+pub mod compensator;
 pub mod feedforward;
 pub mod filter;
 pub mod leg;
 pub mod linear;
+pub mod planner;
 pub mod response;
 pub mod rig;
+pub mod safety;
+pub mod sensing;

@@ -66,6 +66,9 @@ pub(crate) enum Command {
     /// Write one self-contained HTML page of a run: verdict, pictures, plots, contacts in words
     #[command(after_help = REPORT)]
     Report(ReportArgs),
+    /// What this machine offers a real-time loop, each shortfall with what mends it
+    #[command(after_help = crate::doctor::EXAMPLES)]
+    Doctor(crate::doctor::DoctorArgs),
     /// Hold docktwin against something else
     #[command(subcommand)]
     Validate(crate::validate::ValidateCommand),
@@ -75,9 +78,18 @@ const REHEARSE: &str = "\
 The run directory holds summary.json, run.mcap (every tick, crash-safe), telemetry.parquet,
 events.jsonl, run.rrd (for the rerun viewer) and scenario.toml (as it ran).
 
+--live streams to a viewer at rerun+http://127.0.0.1:9876/proxy, or at --live=URL, beside writing
+the files; start one with `rerun --bind 127.0.0.1`. What it does not take in time it does not
+show; the run neither waits nor differs.
+
+--pilot adds the pilot's force and moment to the scenario's thrusts, in real time, 1 ×. The keys
+are told at the start: w/s a/d r/f push along X Y Z of e1, o/u i/k j/l turn about them, space lets
+go, q ends. The run is recorded like any other and can be replayed bit by bit.
+
 Examples:
   docktwin rehearse scenarios/apas_nominal.toml
   docktwin rehearse scenarios/apas_nominal.toml --twin reduced --json
+  docktwin rehearse scenarios/apas_nominal.toml --live --pilot --set run.duration_s=60
   docktwin rehearse scenarios/apas_fast.toml --set mechanism.attenuation='\"differential\"'";
 
 /// Options of `rehearse`.
@@ -100,6 +112,47 @@ pub(crate) struct RehearseArgs {
     /// Do not write run.rrd
     #[arg(long)]
     pub(crate) no_rrd: bool,
+    /// Show the run in a viewer that is open, while it happens
+    #[arg(
+        long,
+        value_name = "URL",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = docktwin_view::LIVE_URL
+    )]
+    pub(crate) live: Option<String>,
+    #[command(flatten)]
+    pub(crate) pilot: PilotArgs,
+}
+
+/// A person at the controls.
+#[derive(Debug, Args)]
+pub(crate) struct PilotArgs {
+    /// Fly the chaser from the keyboard of this terminal, and from a gamepad, in real time
+    #[arg(long)]
+    pub(crate) pilot: bool,
+    /// Force of a full stick along each axis of e1, N [default: 0.02 m/s² of the chaser's mass]
+    #[arg(long = "pilot-force", value_name = "N", requires = "pilot", value_parser = not_negative)]
+    pub(crate) force_n: Option<f64>,
+    /// Moment of a full stick about each axis, N·m [default: 0.2 °/s² of its largest inertia]
+    #[arg(long = "pilot-moment", value_name = "NM", requires = "pilot", value_parser = not_negative)]
+    pub(crate) moment_nm: Option<f64>,
+    /// How long a key stroke pushes, s; a key held down repeats, in most terminals after 0.5 s
+    #[arg(
+        long = "pilot-hold",
+        value_name = "S",
+        requires = "pilot",
+        default_value_t = docktwin::pilot::HOLD_S,
+        value_parser = not_negative
+    )]
+    pub(crate) hold_s: f64,
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (0.0..=1e9).contains(&x) => Ok(x),
+        _ => Err("a number, not negative, is wanted".to_owned()),
+    }
 }
 
 /// Which twin.

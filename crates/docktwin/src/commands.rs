@@ -24,6 +24,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::View(args) => view::run(args, json),
         Command::Analyze(command) => analyze::run(command, json),
         Command::Report(args) => report::run(args, json),
+        Command::Doctor(args) => crate::doctor::run(args, json),
         Command::Validate(command) => crate::validate::run(command, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);

@@ -2,7 +2,7 @@
 
 use std::{io::Write as _, process::ExitCode};
 
-use docktwin::{playback::PlaybackError, setup::StartOverlap};
+use docktwin::{live::LiveError, pilot::PilotError, playback::PlaybackError, setup::StartOverlap};
 use docktwin_model::{
     ModelErrors, Problem,
     input::{plain, shown, shown_path},
@@ -36,6 +36,12 @@ pub(crate) enum Failure {
     /// The viewer's file could not be written.
     #[error(transparent)]
     View(#[from] ViewError),
+    /// Nobody can look on.
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    /// Nobody can fly.
+    #[error(transparent)]
+    Pilot(#[from] PilotError),
     /// There is nothing to report on, or no place for the report.
     #[error(transparent)]
     Report(#[from] ReportError),

@@ -8,6 +8,7 @@ mod analyze;
 mod cli;
 mod commands;
 mod diff;
+mod doctor;
 mod export;
 mod failure;
 mod models;

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use docktwin_core::{DQuat, DVec3, Pose, SimTime, Tick, Wrench};
 use docktwin_physics::{
-    contact::{PAIRS, SurfacePair},
-    mechanism::System,
+    contact::PAIRS,
+    mechanism::{System, pair_name},
 };
 use docktwin_record::{Cell, Column, ContactRow, RecordError, RunReader, TickRecord};
 use docktwin_scenario::Scenario;
@@ -39,10 +39,10 @@ pub enum PlaybackError {
 }
 
 /// Names of the pairs that frames speak of: pairs of surfaces in the order of
-/// [`SurfacePair::from_index`], then the three latches.
+/// [`docktwin_physics::contact::SurfacePair::from_index`], then the three latches.
 #[must_use]
-pub fn pair_names() -> Vec<String> {
-    let surfaces = (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string());
+pub fn pair_names(scenario: &Scenario) -> Vec<String> {
+    let surfaces = (0..PAIRS).map(|i| pair_name(&scenario.mechanism, i));
     surfaces.chain((1..=3).map(|i| format!("latch {i}"))).collect()
 }
 

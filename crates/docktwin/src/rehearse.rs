@@ -1,19 +1,20 @@
-//! `rehearse`: the twin alone, as fast as possible.
+//! `rehearse`: the twin alone, as fast as possible, or in real time under a pilot.
 
 use std::{
     collections::BTreeMap,
-    io::IsTerminal,
+    io::{IsTerminal, Write as _},
     path::{Path, PathBuf},
     process::ExitCode,
-    time::Instant as WallInstant,
+    time::{Duration, Instant as WallInstant},
 };
 
-use docktwin_core::{SimTime, StateHasher, Tick, Wrench};
+use docktwin_core::{Euler, SimTime, StateHasher, Tick, Wrench};
+use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_model::FileDigest;
 use docktwin_physics::{
     body::BodyState,
-    contact::{PAIRS, SurfacePair},
-    mechanism::{LatchPhase, System},
+    contact::PAIRS,
+    mechanism::{LatchPhase, System, pair_name},
     outcome::{Judgement, Monitor, Outcome as Judged},
     reduced::{DockingState, DockingTwin, Inputs, ReducedTwin},
 };
@@ -27,6 +28,8 @@ use hdrhistogram::Histogram;
 use serde_json::json;
 
 use docktwin::{
+    live::{Live, LiveReport},
+    pilot::{PILOT_HELP, Pilot, PilotLimits, Stick},
     playback::{self, Playback},
     setup::{
         FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, thrust_ahead,
@@ -47,6 +50,11 @@ pub(crate) const CONTACT_GAP_S: f64 = 0.02;
 /// An energy account that is off by more than this share of the energy put in is a defect.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
+/// How long a viewer may take over what is left when the run has ended.
+const LIVE_PATIENCE: Duration = Duration::from_secs(10);
+/// Between two lines about the approach to a pilot, ns of simulated time.
+const PILOT_LINE_NS: u64 = 100_000_000;
+
 /// Runs the command.
 pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
@@ -60,9 +68,10 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     };
     let steps = steps_per_tick(&scenario, per_ms);
     let setup = Setup { scenario: &scenario, seed: args.seed, kind: args.twin, steps, out: &out };
+    let company = Company::invite(args, &scenario)?;
     let summary = match args.twin {
-        TwinKind::Full => setup.rehearse(FullTwin::new, !args.no_rrd, json)?,
-        TwinKind::Reduced => setup.rehearse(ReducedTwin::new, !args.no_rrd, json)?,
+        TwinKind::Full => setup.rehearse(FullTwin::new, !args.no_rrd, json, company)?,
+        TwinKind::Reduced => setup.rehearse(ReducedTwin::new, !args.no_rrd, json, company)?,
     };
     if json {
         // A summary always serialises; a defect would show as an empty object.
@@ -82,6 +91,72 @@ pub(crate) fn default_directory(name: &str) -> PathBuf {
         dir = Path::new("runs").join(format!("{name}-{now}-{n}"));
     }
     dir
+}
+
+/// Who is there while it happens.
+#[derive(Default)]
+pub(crate) struct Company {
+    live: Option<Live>,
+    pilot: Option<Pilot>,
+}
+
+impl Company {
+    fn invite(args: &RehearseArgs, scenario: &Scenario) -> Result<Self, Failure> {
+        let live = args.live.as_deref().map(|url| Live::start(url, scenario, &columns()));
+        let live = live.transpose()?;
+        // Last: from here on the terminal is the pilot's.
+        let pilot = args.pilot.pilot.then(|| {
+            let own = PilotLimits::of_chaser(&scenario.chaser);
+            let limits = PilotLimits {
+                force_n: args.pilot.force_n.unwrap_or(own.force_n),
+                moment_nm: args.pilot.moment_nm.unwrap_or(own.moment_nm),
+            };
+            eprintln!("{PILOT_HELP}");
+            Pilot::start(limits, args.pilot.hold_s)
+        });
+        Ok(Self { live, pilot: pilot.transpose()? })
+    }
+}
+
+/// What a pilot without a window flies by, in one line that replaces itself.
+fn pilot_line(now: &Instant<'_>, control: &Inputs, time: SimTime) {
+    let x_34 = now.measured.poses().x_w3.inverse() * now.measured.poses().x_w4;
+    let e = Euler::from_quat(x_34.q);
+    let (p, v) = (x_34.p, now.relative.v);
+    let deg = |rad: f64| rad.to_degrees();
+    let line = format!(
+        "\rt {:7.2} s  x {:+.3} y {:+.3} z {:+.3} m  closing {:+.3} m/s  roll {:+.2} pitch {:+.2} yaw {:+.2} °  \
+         F1 {:+.0} {:+.0} {:+.0} N  M1 {:+.0} {:+.0} {:+.0} N·m\x1b[K",
+        time.seconds(),
+        p.x,
+        p.y,
+        p.z,
+        -v.x,
+        deg(e.roll),
+        deg(e.pitch),
+        deg(e.yaw),
+        control.chaser.f.x,
+        control.chaser.f.y,
+        control.chaser.f.z,
+        control.chaser.m.x,
+        control.chaser.m.y,
+        control.chaser.m.z,
+    );
+    // A terminal that has gone ends the run by its keyboard.
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+fn tell(report: &LiveReport) {
+    let LiveReport { sent, dropped, events_dropped, complete } = report;
+    if *complete {
+        eprintln!(
+            "live viewer: {sent} ticks shown, {dropped} ticks and {events_dropped} events left out"
+        );
+    } else {
+        eprintln!(
+            "live viewer: it went away or did not keep up; {sent} ticks sent, {dropped} left out"
+        );
+    }
 }
 
 /// What a rehearsal needs.
@@ -127,18 +202,20 @@ impl Setup<'_> {
         new: impl FnOnce(System, [BodyState; 3], f64) -> T,
         rrd: bool,
         json: bool,
+        company: Company,
     ) -> Result<Summary, Failure> {
+        let Company { mut live, pilot } = company;
         let scenario = self.scenario;
         let (system, bodies) = start(scenario)?;
         let pair_names: Vec<String> =
-            (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
+            (0..PAIRS).map(|i| pair_name(&scenario.mechanism, i)).collect();
         let models = ModelCopies::read(scenario)?;
         let mut writer =
             RunWriter::create(self.out, columns(), pair_names, &self.metadata(), Policy::Wait)?;
         models.write(&writer)?;
         writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
         let mut view = if rrd {
-            let (model, names) = (playback::scene_model(scenario), playback::pair_names());
+            let (model, names) = (playback::scene_model(scenario), playback::pair_names(scenario));
             let writer = SceneWriter::create(&self.out.join("run.rrd"), &model, &names)?;
             Some((writer, Playback::new(scenario, &columns())?))
         } else {
@@ -152,24 +229,43 @@ impl Setup<'_> {
         // Once the recording is lost, the rehearsal goes on: its result is worth having.
         let mut lost: Option<Failure> = None;
         let ticks = scenario.run.ticks();
-        let bar = progress(ticks, json);
+        let bar = progress(ticks, json || pilot.is_some());
+        let stick = pilot.as_ref().map(Pilot::stick);
+        // No tick is left out: simulated time would stand still meanwhile.
+        let mut clock = stick
+            .is_some()
+            .then(|| RealtimeClock::new(scenario.run.tick_nanos, OverrunPolicy::CatchUp));
+        if let Some(c) = &mut clock {
+            c.start();
+        }
         let mut tick = 0;
         loop {
+            if let Some(c) = &mut clock {
+                c.wait();
+            }
             let time = SimTime::of_tick(Tick(tick), scenario.run.tick_nanos);
             let state = twin.state();
             let now = Instant::new(twin.system(), &state, time.seconds(), h);
             let last = tick == ticks
+                || stick.as_ref().is_some_and(Stick::ended)
                 || run.monitor.limit().is_some()
                 || (scenario.run.stop_when_decided
                     && run.monitor.decided(
                         time.seconds(),
-                        thrust_ahead(&scenario.thrusts, &state, time.seconds()),
+                        // A pilot may come back.
+                        stick.is_some() || thrust_ahead(&scenario.thrusts, &state, time.seconds()),
                     ));
-            let control = if last {
+            let mut control = if last {
                 Inputs::default()
             } else {
                 inputs(&scenario.thrusts, &state, time.seconds())
             };
+            if let (Some(stick), false) = (&stick, last) {
+                control.chaser += stick.wrench();
+                if !json && time.nanos().is_multiple_of(PILOT_LINE_NS) {
+                    pilot_line(&now, &control, time);
+                }
+            }
             run.observe(twin.system(), &now, &control, Tick(tick), time)?;
             for e in run.events.drain(..) {
                 if lost.is_none() {
@@ -177,6 +273,9 @@ impl Setup<'_> {
                 }
                 if let Some((v, _)) = &mut view {
                     v.event(time, &e.kind, &e.text)?;
+                }
+                if let Some(l) = &live {
+                    l.events().event(time, &e.kind, &e.text);
                 }
                 run.frame_due = true;
             }
@@ -188,10 +287,12 @@ impl Setup<'_> {
                 lost =
                     writer.tick(Tick(tick), time, &run.row, &run.contacts).err().map(Failure::from);
             }
+            let due = core::mem::take(&mut run.frame_due) || last;
             if let Some((v, playback)) = &mut view {
-                let due = run.frame_due || last;
                 playback.show(v, time, &run.row, &run.contacts, due)?;
-                run.frame_due = false;
+            }
+            if let Some(l) = &mut live {
+                l.tick(time, &run.row, &run.contacts, due);
             }
             if last {
                 break;
@@ -207,6 +308,11 @@ impl Setup<'_> {
             }
         }
         bar.finish_and_clear();
+        if pilot.is_some() {
+            // Gives the terminal back before anything is printed.
+            drop(pilot);
+            eprintln!();
+        }
         let state = twin.state();
         let time = SimTime::of_tick(Tick(tick), scenario.run.tick_nanos);
         let judgement = run.monitor.judge(time.seconds());
@@ -229,6 +335,13 @@ impl Setup<'_> {
                     summary.degrade(&e.to_string());
                     lost = Some(e.into());
                 }
+            }
+        }
+        if let Some(l) = live {
+            l.events().event(time, &outcome_event.kind, &outcome_event.text);
+            let report = l.finish(LIVE_PATIENCE);
+            if !json {
+                tell(&report);
             }
         }
         let wall_s = wall.elapsed().as_secs_f64();
@@ -366,14 +479,14 @@ impl Run {
             *f = Some(f.unwrap_or(0.0) + c.normal_w_n.length());
         }
         for (i, story) in self.pairs.iter_mut().enumerate() {
-            let pair = SurfacePair::from_index(i);
             match (force[i], story.since_s) {
                 (Some(f), None) => {
                     *story = PairStory { since_s: Some(t), last_s: t, peak_n: f };
+                    let pair = pair_name(system.mechanism(), i);
                     tell(
                         "contact_begin",
                         format!("t = {t:.3} s {pair} touch"),
-                        json!({ "pair": pair.to_string(), "force_n": f }),
+                        json!({ "pair": pair, "force_n": f }),
                     );
                 }
                 (Some(f), Some(_)) => {
@@ -383,6 +496,7 @@ impl Run {
                 (None, Some(since)) if t - story.last_s > self.gap_s => {
                     let (last, peak) = (story.last_s, story.peak_n);
                     *story = PairStory::default();
+                    let pair = pair_name(system.mechanism(), i);
                     tell(
                         "contact_end",
                         format!(
@@ -390,7 +504,7 @@ impl Run {
                             last - since,
                             peak * 1e-3
                         ),
-                        json!({ "pair": pair.to_string(), "since_s": since, "until_s": last, "peak_n": peak }),
+                        json!({ "pair": pair, "since_s": since, "until_s": last, "peak_n": peak }),
                     );
                 }
                 _ => {}
@@ -472,7 +586,7 @@ impl Run {
         );
         let (sp, sl) = self.momentum_scale;
         self.momentum_error = worst(self.momentum_error, (dp.length() / sp).max(dl.length() / sl));
-        if !now.measured.contacts().touching() && now.state.first_contact_s.is_some() {
+        if !now.measured.touching() && now.state.first_contact_s.is_some() {
             self.exit_speed = Some(now.relative.v.length());
         } else {
             self.exit_speed = None;

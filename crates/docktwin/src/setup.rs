@@ -4,7 +4,7 @@ use docktwin_core::{DVec3, Digest, StateHasher, Wrench};
 use docktwin_physics::{
     body::BodyState,
     initial::{ContactConditions, initial_state},
-    mechanism::{MechanismState, System},
+    mechanism::System,
     reduced::{DockingState, Inputs},
 };
 use docktwin_scenario::{Body, Scenario, Thrust, Trigger};
@@ -58,7 +58,7 @@ pub fn start(scenario: &Scenario) -> Result<(System, [BodyState; 3]), StartOverl
     let touching = {
         let mut rigid = bodies;
         system.follow(&mut rigid);
-        system.measure(&MechanismState::default(), &rigid.map(|b| b.pose())).contacts().touching()
+        system.touches(&system.poses(&rigid.map(|b| b.pose())))
     };
     if touching {
         return Err(StartOverlap { scenario: scenario.name.clone(), gap_m: i.gap_m });

@@ -62,6 +62,16 @@ impl<'a> Instant<'a> {
             h,
             &mut contacts,
         );
+        let mut contact_count = contact_count;
+        if let Some(stick) = measured.stick().filter(|s| s.touching()) {
+            contacts[contact_count] = ContactSample {
+                point_w_m: frames.x_w4.p,
+                normal_w_n: frames.x_w3.q * stick.force_n,
+                depth_m: stick.depth_m,
+                ..ContactSample::default()
+            };
+            contact_count += 1;
+        }
         let p = frames.x_wp.p;
         let (c, t) = (at(CHASER, p), at(TARGET, p));
         let back = frames.x_w3.q.conjugate();
@@ -96,7 +106,7 @@ impl<'a> Instant<'a> {
             time_s,
             x_ring: frames.x_wr.inverse() * ring,
             relative: self.relative,
-            touching: self.measured.contacts().touching(),
+            touching: self.measured.touching(),
             interface: self
                 .forces
                 .on_target
@@ -246,7 +256,7 @@ pub fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64, out: 
     );
     out.extend(i.state.mechanism.latches.map(|l| Cell::from(l.phase as u64)));
     out.extend(i.measured.latches.map(|l| Cell::from(l.axial_m)));
-    out.push(Cell::from(i.measured.contacts().deepest_m()));
+    out.push(Cell::from(i.measured.deepest_m()));
     out.push(Cell::from(i.contact_count as u64));
     out.push(Cell::from(digest));
 }

@@ -31,5 +31,6 @@ macro_rules! println {
 
 /// As `println`, on stderr.
 macro_rules! eprintln {
+    () => { $crate::terminal::line(std::io::stderr().lock(), format_args!("")) };
     ($($text:tt)*) => { $crate::terminal::line(std::io::stderr().lock(), format_args!($($text)*)) };
 }

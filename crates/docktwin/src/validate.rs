@@ -24,7 +24,7 @@ use crate::{
     cli::{Align, TwinKind},
     commands::overrides,
     failure::{Failure, OTHERWISE},
-    rehearse::{Setup, default_directory},
+    rehearse::{Company, Setup, default_directory},
     view,
 };
 
@@ -121,7 +121,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         steps: steps_per_tick(&scenario, REDUCED_STEPS_PER_MS),
         out: &ours,
     };
-    let summary = setup.rehearse(ReducedTwin::new, false, json)?;
+    let summary = setup.rehearse(ReducedTwin::new, false, json, Company::default())?;
     if !json {
         eprintln!("docktwin: {}; now MuJoCo", summary.outcome);
     }

@@ -130,7 +130,8 @@ impl Run {
 
 fn save_one(dir: &Path, until: Option<SimTime>, file: &Path) -> Result<(), Failure> {
     let mut run = Run::open(dir)?;
-    let mut view = SceneWriter::create(file, &scene_model(&run.scenario), &pair_names())?;
+    let mut view =
+        SceneWriter::create(file, &scene_model(&run.scenario), &pair_names(&run.scenario))?;
     run.play(&mut view, until)?;
     Ok(view.finish()?)
 }
@@ -169,7 +170,7 @@ pub(crate) fn save_two(
     };
     // In B's own time; before its start nothing of it is shown.
     let until_b = until.map(|t| t.nanos().cast_signed() - shift_ns);
-    let names = pair_names();
+    let names = pair_names(&a.scenario);
     let mut front = SceneWriter::create_compared(file, &scene_model(&a.scenario), &names)?;
     let mut ghost = front.ghost(&scene_model(&b.scenario), &names, shift_ns)?;
     let seconds = SimTime::from_nanos(shift_ns.unsigned_abs()).seconds();
@@ -264,14 +265,14 @@ impl Drop for Folder {
 }
 
 /// The viewer's program, and a folder for what it needs.
-struct Viewer {
+pub(crate) struct Viewer {
     program: PathBuf,
     dir: Folder,
 }
 
 impl Viewer {
     /// Finds the viewer of our version and makes sure that it will send no usage statistics.
-    fn find(named: Option<&Path>) -> Result<Self, Failure> {
+    pub(crate) fn find(named: Option<&Path>) -> Result<Self, Failure> {
         let program = named
             .map(Path::to_owned)
             .or_else(|| std::env::var_os(VIEWER).filter(|v| !v.is_empty()).map(PathBuf::from))
@@ -301,6 +302,11 @@ impl Viewer {
         }
         viewer.silence()?;
         Ok(viewer)
+    }
+
+    /// Its program.
+    pub(crate) fn program(&self) -> &Path {
+        &self.program
     }
 
     /// The viewer with a configuration of its own: nothing in the user's is changed or obeyed.

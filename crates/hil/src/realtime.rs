@@ -1,8 +1,12 @@
-//! The raw calls of the operating system. Linux.
+//! What the operating system must grant a loop that keeps time, and the raw calls behind it. Linux.
+//!
+//! The only place of the workspace with code that the compiler cannot check; it is all calls of the C
+//! library whose arguments are built in the line above.
 
 #![expect(unsafe_code, reason = "calls of the C library have no checked form")]
 
-use core::mem::MaybeUninit;
+use core::{fmt, mem::MaybeUninit};
+use std::io;
 
 /// Time of `CLOCK_MONOTONIC`, ns: shared by all processes of this machine, never set back.
 #[must_use]
@@ -15,5 +19,446 @@ pub fn monotonic_ns() -> u64 {
         debug_assert_eq!(done, 0);
         t.assume_init()
     };
+    nanos(&t)
+}
+
+/// Finest difference between two readings of the clock, ns. 1 with high-resolution timers, a tick of
+/// the kernel (1 to 10 ms) without.
+#[must_use]
+pub fn timer_resolution_ns() -> u64 {
+    let mut t = MaybeUninit::<libc::timespec>::uninit();
+    // SAFETY: as in `monotonic_ns`.
+    let t = unsafe {
+        let done = libc::clock_getres(libc::CLOCK_MONOTONIC, t.as_mut_ptr());
+        debug_assert_eq!(done, 0);
+        t.assume_init()
+    };
+    nanos(&t)
+}
+
+/// Sleeps until an instant of [`monotonic_ns`]; returns at once when it has passed.
+pub fn sleep_until_ns(instant_ns: u64) {
+    let until = timespec(instant_ns);
+    // SAFETY: `until` is a valid instant and lives through the call; with an absolute instant no rest
+    // is written, so that pointer may be null.
+    let sleep = || unsafe {
+        libc::clock_nanosleep(
+            libc::CLOCK_MONOTONIC,
+            libc::TIMER_ABSTIME,
+            &raw const until,
+            core::ptr::null_mut(),
+        )
+    };
+    // A signal ends the sleep early; the instant is absolute, so sleeping on adds no drift.
+    while sleep() == libc::EINTR {}
+}
+
+fn nanos(t: &libc::timespec) -> u64 {
     t.tv_sec.unsigned_abs() * 1_000_000_000 + t.tv_nsec.unsigned_abs()
+}
+
+fn timespec(ns: u64) -> libc::timespec {
+    // SAFETY: every field is an integer, of which all zeros is a value; some targets pad the struct.
+    let mut t: libc::timespec = unsafe { core::mem::zeroed() };
+    // Both are in range: u64::MAX ns are 585 years.
+    t.tv_sec = libc::time_t::try_from(ns / 1_000_000_000).unwrap_or(libc::time_t::MAX);
+    t.tv_nsec = libc::c_long::try_from(ns % 1_000_000_000).unwrap_or(0);
+    t
+}
+
+/// What to do when the machine does not grant everything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shortage {
+    /// Refuse to run: what a rig of steel needs.
+    Refuse,
+    /// Run on what there is, and say that it is best effort (`--allow-best-effort`).
+    BestEffort,
+}
+
+/// One thing asked of the operating system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// `SCHED_FIFO` for the calling thread.
+    Priority,
+    /// All memory of the process stays in RAM, the stack touched beforehand.
+    Memory,
+    /// The calling thread stays on one core.
+    Affinity,
+    /// Timers of the calling thread end when asked, not up to 50 µs later.
+    TimerSlack,
+}
+
+impl Step {
+    /// What a loop loses without it.
+    #[must_use]
+    pub const fn cost(self) -> &'static str {
+        match self {
+            Self::Priority => {
+                "any busy process may hold the loop up, by milliseconds and now and then by far more"
+            }
+            Self::Memory => "a page that is not there costs up to milliseconds, in any tick",
+            Self::Affinity => "the loop moves between cores, some 10 µs of cold caches each time",
+            Self::TimerSlack => "wake-ups are up to 50 µs later",
+        }
+    }
+}
+
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Priority => "real-time priority",
+            Self::Memory => "locked memory",
+            Self::Affinity => "a core of its own",
+            Self::TimerSlack => "exact timers",
+        })
+    }
+}
+
+/// What was not granted, what it costs, what mends it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shortfall {
+    /// What was asked for.
+    pub step: Step,
+    /// What the system said.
+    pub what: String,
+    /// Command or setting that mends it.
+    pub remedy: String,
+}
+
+impl fmt::Display for Shortfall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}; {}; mend it: {}", self.step, self.what, self.step.cost(), self.remedy)
+    }
+}
+
+/// The machine does not grant what was asked, and best effort is not allowed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "this machine does not grant a real-time loop:\n  {}\nor run on what there is with \
+     --allow-best-effort",
+    shortfalls.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n  ")
+)]
+pub struct RealtimeError {
+    /// At least one.
+    pub shortfalls: Vec<Shortfall>,
+}
+
+/// What was granted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RealtimeReport {
+    /// Steps that succeeded.
+    pub granted: Vec<Step>,
+    /// Steps that did not; empty unless best effort is allowed.
+    pub shortfalls: Vec<Shortfall>,
+}
+
+impl RealtimeReport {
+    /// True when something is lacking, and a result is therefore *degraded*.
+    #[must_use]
+    pub fn is_best_effort(&self) -> bool {
+        !self.shortfalls.is_empty()
+    }
+}
+
+/// What a loop asks of the operating system, for the thread that calls [`RealtimeSetup::apply`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RealtimeSetup {
+    /// Priority of `SCHED_FIFO`, 1 to 99, default 80: above threads of interrupts (50), below those
+    /// that keep the kernel alive (99).
+    pub priority: u8,
+    /// Core to stay on, default none; best one that `isolcpus=` keeps free.
+    pub core: Option<usize>,
+    /// Whether memory is locked, default true.
+    pub lock_memory: bool,
+}
+
+impl Default for RealtimeSetup {
+    fn default() -> Self {
+        Self { priority: 80, core: None, lock_memory: true }
+    }
+}
+
+/// Stack that is touched beforehand, bytes; a thread of Rust has 2 MiB unless it asks for another.
+const STACK_BYTES: usize = 512 * 1024;
+
+impl RealtimeSetup {
+    /// Asks for everything. Threads started by the calling thread afterwards keep the core, not the
+    /// priority: start the writer and the viewer's thread before.
+    ///
+    /// Allocates; call it before the loop.
+    ///
+    /// # Errors
+    /// With [`Shortage::Refuse`], when anything was not granted; what was granted is given back.
+    pub fn apply(&self, shortage: Shortage) -> Result<RealtimeReport, RealtimeError> {
+        let mut report = RealtimeReport::default();
+        let mut note = |step, result: Result<(), Shortfall>| match result {
+            Ok(()) => report.granted.push(step),
+            Err(s) => report.shortfalls.push(s),
+        };
+        note(Step::TimerSlack, exact_timers());
+        if let Some(core) = self.core {
+            note(Step::Affinity, stay_on(core));
+        }
+        if self.lock_memory {
+            note(Step::Memory, lock_memory());
+        }
+        // Last: what comes before need not be done at this priority.
+        note(Step::Priority, set_fifo(self.priority));
+        if shortage == Shortage::Refuse && report.is_best_effort() {
+            relax();
+            return Err(RealtimeError { shortfalls: report.shortfalls });
+        }
+        Ok(report)
+    }
+}
+
+/// Gives priority and locked memory back, when the loop has ended and files are to be written.
+pub fn relax() {
+    let none = libc::sched_param { sched_priority: 0 };
+    // SAFETY: `none` lives through the call, 0 is the calling thread; neither call touches memory of
+    // ours. Giving back needs no right and cannot fail.
+    unsafe {
+        libc::sched_setscheduler(0, libc::SCHED_OTHER, &raw const none);
+        libc::munlockall();
+    }
+}
+
+fn set_fifo(priority: u8) -> Result<(), Shortfall> {
+    let wanted = libc::sched_param { sched_priority: i32::from(priority) };
+    // Threads started later begin without the priority: a writer must not compete with the loop.
+    let policy = libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK;
+    // SAFETY: `wanted` lives through the call, 0 is the calling thread.
+    let done = unsafe { libc::sched_setscheduler(0, policy, &raw const wanted) };
+    if done == 0 {
+        return Ok(());
+    }
+    let error = io::Error::last_os_error();
+    let rights = Rights::read();
+    let remedy = if !(1..=99).contains(&priority) {
+        "choose a priority from 1 to 99".to_owned()
+    } else if rights.cap_sys_nice {
+        // The right is there and still no: the control group has no share of real time.
+        "give the control group real time: sudo sysctl -w kernel.sched_rt_runtime_us=-1, in a \
+         container: docker run --cap-add sys_nice --ulimit rtprio=99"
+            .to_owned()
+    } else {
+        GRANT_PRIORITY.to_owned()
+    };
+    let what = format!("SCHED_FIFO {priority} was refused ({error})");
+    Err(Shortfall { step: Step::Priority, what, remedy })
+}
+
+/// What grants real-time priority.
+pub const GRANT_PRIORITY: &str = "sudo setcap cap_sys_nice,cap_ipc_lock=ep $(command -v docktwin), or \
+     for a user: echo \"$USER - rtprio 95\" | sudo tee /etc/security/limits.d/95-docktwin.conf, then \
+     log in again";
+
+/// What grants locked memory.
+pub const GRANT_MEMORY: &str = "sudo setcap cap_sys_nice,cap_ipc_lock=ep $(command -v docktwin), or \
+     for a user: echo \"$USER - memlock unlimited\" | sudo tee \
+     /etc/security/limits.d/96-docktwin.conf, then log in again";
+
+fn lock_memory() -> Result<(), Shortfall> {
+    let shortfall =
+        |what| Err(Shortfall { step: Step::Memory, what, remedy: GRANT_MEMORY.to_owned() });
+    // Within a limit locking may succeed now, and a later request for memory would then fail.
+    if let Some(limit) = Rights::read().lockable_bytes {
+        return shortfall(format!("at most {} KiB may be locked", limit / 1024));
+    }
+    // SAFETY: the call takes flags alone; pages stay where they are.
+    let done = unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) };
+    if done != 0 {
+        return shortfall(format!("locking was refused ({})", io::Error::last_os_error()));
+    }
+    touch_stack();
+    Ok(())
+}
+
+/// Makes the kernel map the stack that the loop will use.
+#[inline(never)]
+fn touch_stack() {
+    let mut stack = [0_u8; STACK_BYTES];
+    for page in stack.chunks_mut(4096) {
+        page[0] = core::hint::black_box(1);
+    }
+    core::hint::black_box(&stack);
+}
+
+fn stay_on(core: usize) -> Result<(), Shortfall> {
+    let shortfall = |what: String, remedy| Err(Shortfall { step: Step::Affinity, what, remedy });
+    let allowed = Rights::read().cores;
+    let choose = || {
+        let all: Vec<String> = allowed.iter().map(ToString::to_string).collect();
+        format!("choose one of {}", all.join(", "))
+    };
+    if !allowed.contains(&core) {
+        return shortfall(format!("core {core} is not there for this process"), choose());
+    }
+    // SAFETY: a set of cores is an array of bits, of which all zeros is a value; `core` is below its
+    // number of bits, because it came from such a set; the set lives through the call.
+    let done = unsafe {
+        let mut set: libc::cpu_set_t = core::mem::zeroed();
+        libc::CPU_SET(core, &mut set);
+        libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), &raw const set)
+    };
+    if done == 0 {
+        return Ok(());
+    }
+    shortfall(format!("core {core} was refused ({})", io::Error::last_os_error()), choose())
+}
+
+fn exact_timers() -> Result<(), Shortfall> {
+    // SAFETY: the call takes numbers alone; 1 ns is the least, 0 would mean the default of 50 µs.
+    let done = unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1_u64, 0_u64, 0_u64, 0_u64) };
+    if done == 0 {
+        return Ok(());
+    }
+    let what = format!("the timer slack cannot be set ({})", io::Error::last_os_error());
+    let remedy = "allow prctl(PR_SET_TIMERSLACK) in the sandbox of this process".to_owned();
+    Err(Shortfall { step: Step::TimerSlack, what, remedy })
+}
+
+/// What this process may ask for, without asking for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rights {
+    /// The capability `CAP_SYS_NICE`: any priority.
+    pub cap_sys_nice: bool,
+    /// Highest priority of `SCHED_FIFO` without it; 0 for none.
+    pub priority_limit: u64,
+    /// Memory that may be locked, bytes; `None` without a limit.
+    pub lockable_bytes: Option<u64>,
+    /// Cores on which this process may run.
+    pub cores: Vec<usize>,
+}
+
+/// Bits of Linux' capabilities.
+const CAP_IPC_LOCK: u32 = 14;
+const CAP_SYS_NICE: u32 = 23;
+
+impl Rights {
+    /// Asks the kernel.
+    #[must_use]
+    pub fn read() -> Self {
+        let held = capabilities();
+        let limit = if held & (1 << CAP_IPC_LOCK) == 0 {
+            Some(soft_limit(libc::RLIMIT_MEMLOCK)).filter(|l| *l != libc::RLIM_INFINITY)
+        } else {
+            None
+        };
+        Self {
+            cap_sys_nice: held & (1 << CAP_SYS_NICE) != 0,
+            priority_limit: soft_limit(libc::RLIMIT_RTPRIO),
+            lockable_bytes: limit,
+            cores: cores(),
+        }
+    }
+
+    /// Whether `SCHED_FIFO` of this priority will be granted, control groups apart.
+    #[must_use]
+    pub fn allows(&self, priority: u8) -> bool {
+        self.cap_sys_nice || self.priority_limit >= u64::from(priority)
+    }
+}
+
+/// Capabilities in force, the first 32.
+fn capabilities() -> u32 {
+    /// Third version: two sets of 32 capabilities.
+    const VERSION: u32 = 0x2008_0522;
+    #[repr(C)]
+    struct Header {
+        version: u32,
+        pid: i32,
+    }
+    #[repr(C)]
+    #[derive(Clone, Copy, Default)]
+    struct Sets {
+        effective: u32,
+        permitted: u32,
+        inheritable: u32,
+    }
+    let mut header = Header { version: VERSION, pid: 0 };
+    let mut sets = [Sets::default(); 2];
+    // SAFETY: `header` and `sets` have the layout of this version and live through the call; the
+    // kernel writes at most two sets, and the version it would have liked better.
+    let done = unsafe { libc::syscall(libc::SYS_capget, &raw mut header, sets.as_mut_ptr()) };
+    if done == 0 { sets[0].effective } else { 0 }
+}
+
+fn soft_limit(of: libc::__rlimit_resource_t) -> u64 {
+    let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: `limit` lives through the call, which fills it or leaves the zeros.
+    unsafe { libc::getrlimit(of, &raw mut limit) };
+    limit.rlim_cur
+}
+
+fn cores() -> Vec<usize> {
+    // SAFETY: all zeros is a set of cores; the call gets its true size and fills it or leaves the
+    // zeros; every number asked for is below the number of its bits.
+    unsafe {
+        let mut set: libc::cpu_set_t = core::mem::zeroed();
+        libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), &raw mut set);
+        (0..8 * size_of::<libc::cpu_set_t>()).filter(|c| libc::CPU_ISSET(*c, &set)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In a thread of its own, because the setting is the thread's.
+    fn apart<T: Send + 'static>(f: impl FnOnce() -> T + Send + 'static) -> T {
+        std::thread::spawn(f).join().expect("no panic")
+    }
+
+    #[test]
+    fn invariant_the_clock_does_not_run_back_and_a_sleep_is_never_short() {
+        let mut last = monotonic_ns();
+        for _ in 0..20 {
+            let until = last + 50_000;
+            sleep_until_ns(until);
+            let now = monotonic_ns();
+            assert!(now >= until, "woken {} ns early", until - now);
+            last = now;
+        }
+        // An instant that has passed is no reason to sleep.
+        sleep_until_ns(0);
+        assert!(timer_resolution_ns() >= 1);
+    }
+
+    #[test]
+    fn invariant_what_is_asked_in_vain_is_refused_or_degrades() {
+        // Neither the priority nor the core exists anywhere.
+        let setup = RealtimeSetup { priority: 200, core: Some(100_000), lock_memory: false };
+        let (refused, degraded) =
+            apart(move || (setup.apply(Shortage::Refuse), setup.apply(Shortage::BestEffort)));
+        let refused = refused.expect_err("nobody has priority 200");
+        let text = refused.to_string();
+        for word in ["SCHED_FIFO 200", "core 100000", "--allow-best-effort", "mend it"] {
+            assert!(text.contains(word), "{word}: {text}");
+        }
+        let report = degraded.expect("best effort goes on");
+        assert!(report.is_best_effort());
+        assert_eq!(report.shortfalls, refused.shortfalls);
+        assert_eq!(report.granted, [Step::TimerSlack]);
+    }
+
+    #[test]
+    fn invariant_rights_say_what_will_be_granted() {
+        let rights = Rights::read();
+        assert!(!rights.cores.is_empty());
+        let core = rights.cores[0];
+        let setup = RealtimeSetup { priority: 1, core: Some(core), lock_memory: false };
+        let report = apart(move || {
+            let report = setup.apply(Shortage::BestEffort);
+            // Only this thread was moved, and only to the core asked for.
+            assert_eq!(Rights::read().cores, [core]);
+            relax();
+            report
+        })
+        .expect("best effort goes on");
+        if !rights.allows(1) {
+            assert_eq!(report.shortfalls[0].step, Step::Priority);
+        }
+        assert!(report.granted.contains(&Step::Affinity));
+    }
 }

@@ -28,12 +28,13 @@ pub use load_spacecraft::load_spacecraft;
 pub use mechanism::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
     DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
-    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
+    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Stick,
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{
-    DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegHydraulics, LegLimits, LegPart,
-    OilVolume, Place, Rig, RigidMass, SealFriction, ServoValve, Spread,
+    DeadZoneLaw, DockingWorkspace, ForceSensor, HydraulicPreset, Hydraulics, Leg, LegHydraulics,
+    LegLimits, LegPart, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve,
+    Spread,
 };
 pub use spacecraft::{Spacecraft, SpacecraftHull};
 pub use urdf::named_meshes;

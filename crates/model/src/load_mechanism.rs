@@ -10,7 +10,7 @@ use crate::urdf::{self, UrdfTree};
 use crate::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
     DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
-    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
+    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Stick,
 };
 
 /// Which attenuator carries the active ring.
@@ -65,6 +65,7 @@ pub(crate) struct ActiveSide {
     characteristic: Option<CharacteristicAttenuator>,
     differential: Option<DifferentialAttenuator>,
     latches: Option<LatchSet>,
+    stick: Option<Stick>,
     limits: MechanismLimits,
     outcome: OutcomeRules,
 }
@@ -98,6 +99,7 @@ pub(crate) fn read_active(
         let (default_choice, characteristic, differential) =
             t.section("attenuation", |a| read_attenuation(a, ring_rest_offset_m));
         let latches = t.optional_section("latches", read_latches);
+        let stick = t.optional_section("stick", read_stick);
         let limits = t.section("limits", read_limits);
         let outcome = t.section("outcome", |o| OutcomeRules {
             guided_radius_m: o.noted("guided_radius_m", Range::positive(5.0)),
@@ -117,6 +119,7 @@ pub(crate) fn read_active(
             characteristic,
             differential,
             latches,
+            stick,
             limits,
             outcome,
         }
@@ -262,6 +265,23 @@ fn read_geometry(t: &Table<'_, '_>) -> SideGeometry {
         petals
     });
     SideGeometry { ring, petals }
+}
+
+fn read_stick(t: &Table<'_, '_>) -> Stick {
+    let stick = Stick {
+        stiffness_n_m: t.noted("stiffness_n_m", Range::positive(1e9)),
+        diameter_m: t.noted("diameter_m", Range::positive(0.5)),
+        frame_opening_m: t.noted("frame_opening_m", Range::positive(1.0)),
+        lever_m: t.noted("lever_m", Range::positive(10.0)),
+    };
+    if stick.play_m() <= 0.0 {
+        t.refuse(
+            "frame_opening_m",
+            format!("is not above the diameter of the stick, {} m", stick.diameter_m),
+            "make the opening wider than the stick",
+        );
+    }
+    stick
 }
 
 fn read_ring_body(t: &Table<'_, '_>) -> RingBody {
@@ -992,6 +1012,7 @@ pub(crate) fn join(
         contact: active.contact,
         attenuator: attenuator?,
         latches: active.latches,
+        stick: active.stick,
         limits: active.limits,
         outcome: active.outcome,
         digest: out.digest(),

@@ -10,8 +10,8 @@ use crate::rig_check;
 use crate::toml_check::{Checker, Range, Table};
 use crate::urdf::{self, UrdfTree};
 use crate::{
-    DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegLimits, LegPart, OilVolume, Rig,
-    RigidMass, SealFriction, ServoValve, Spread,
+    DeadZoneLaw, DockingWorkspace, ForceSensor, HydraulicPreset, Hydraulics, Leg, LegLimits,
+    LegPart, OilVolume, Rig, RigSensors, RigidMass, SealFriction, ServoValve, Spread,
 };
 
 /// How well poses and axes of the tree must agree with the closures, m and rad: what is lost when
@@ -57,6 +57,7 @@ struct Said {
     hydraulics: Hydraulics,
     valve: ServoValve,
     friction: SealFriction,
+    sensors: Option<RigSensors>,
     spread: Spread,
 }
 
@@ -214,6 +215,7 @@ fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
         valve_frequency: s.noted("valve_frequency", part),
         dead_time_s: s.noted("dead_time_s", Range::within(0.0, 0.1)),
     });
+    let sensors = t.optional_section("sensors", read_sensors);
     Said {
         ground,
         rack,
@@ -230,7 +232,32 @@ fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
         hydraulics,
         valve,
         friction,
+        sensors,
         spread,
+    }
+}
+
+fn read_sensors(t: &Table<'_, '_>) -> RigSensors {
+    let pair = |s: &Table<'_, '_>, key: &'static str| s.noted_list(key, Range::within(0.0, 1e7));
+    RigSensors {
+        force: t.section("force", |s| ForceSensor {
+            natural_frequency_hz: s.noted("natural_frequency_hz", Range::within(10.0, 1e5)),
+            damping_ratio: s.noted("damping_ratio", Range::within(0.01, 2.0)),
+            noise: pair(s, "noise_n_nm"),
+            drift_per_s: pair(s, "drift_per_s_n_nm"),
+            dead_zone: pair(s, "dead_zone_n_nm"),
+            dead_zone_law: s
+                .choice("dead_zone_law", &DeadZoneLaw::WORDS)
+                .unwrap_or(DeadZoneLaw::Zeroing),
+            quantum: pair(s, "quantum_n_nm"),
+            range: pair(s, "range_n_nm"),
+            delay_s: s.noted("delay_s", Range::within(0.0, 0.005)),
+            delay_spread_s: s.noted("delay_spread_s", Range::within(0.0, 0.005)),
+            zero_spread: pair(s, "zero_spread_n_nm"),
+        }),
+        length_noise_m: t.noted("length_noise_m", Range::within(0.0, 0.01)),
+        length_quantum_m: t.noted("length_quantum_m", Range::within(0.0, 0.01)),
+        pressure_noise_n: t.noted("pressure_noise_n", Range::within(0.0, 1e6)),
     }
 }
 
@@ -435,6 +462,7 @@ impl Assembly<'_> {
             hydraulics: said.hydraulics,
             valve: said.valve,
             friction: said.friction,
+            sensors: said.sensors,
             spread: said.spread,
             digest: self.out.digest(),
         })

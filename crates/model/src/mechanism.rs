@@ -28,6 +28,9 @@ pub struct DockingMechanism {
     pub attenuator: Attenuator,
     /// Capture latches; `None` for test bodies without latches.
     pub latches: Option<LatchSet>,
+    /// Spring stick in a frame instead of rings and petals, whose surfaces then do not touch;
+    /// `None` for docking mechanisms.
+    pub stick: Option<Stick>,
     /// Limits that end a run as `limit_exceeded`.
     pub limits: MechanismLimits,
     /// Thresholds of the outcomes.
@@ -291,6 +294,33 @@ pub struct LatchSet {
     pub joined_stiffness_n_m: f64,
     /// Damping of each joint point, N·s/m.
     pub joined_damping_n_s_m: f64,
+}
+
+/// The spring stick of the validation model in its frame (the paper, §7.4).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stick {
+    /// K of (14), N/m; larger is harder.
+    pub stiffness_n_m: f64,
+    /// Diameter d of the stick, m.
+    pub diameter_m: f64,
+    /// Opening h of the frame, m.
+    pub frame_opening_m: f64,
+    /// Lever r with which rotations count, m: stiffness `K r²`, play over `r`.
+    pub lever_m: f64,
+}
+
+impl Stick {
+    /// Free play to either side of the middle, `(h − d)/2`, m.
+    #[must_use]
+    pub fn play_m(&self) -> f64 {
+        0.5 * (self.frame_opening_m - self.diameter_m)
+    }
+
+    /// (14): stiffness of a cantilever of Young's modulus `young_pa`, N/m.
+    #[must_use]
+    pub fn cantilever_n_m(young_pa: f64, diameter_m: f64, length_m: f64) -> f64 {
+        3.0 * core::f64::consts::PI * young_pa * diameter_m.powi(4) / (64.0 * length_m.powi(3))
+    }
 }
 
 /// Limits of the mechanism; passing one ends the run as `limit_exceeded`.

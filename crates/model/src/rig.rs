@@ -45,6 +45,8 @@ pub struct Rig {
     pub valve: ServoValve,
     /// Friction of a leg's seals.
     pub friction: SealFriction,
+    /// Sensors of force and length; `None` where the file has none, and then there is no loop.
+    pub sensors: Option<RigSensors>,
     /// How far an emulated rig may differ from this file.
     pub spread: Spread,
     /// Digest of the URDF and its TOML.
@@ -382,6 +384,62 @@ pub struct SealFriction {
     pub bristle_n_m: f64,
     /// Bristle damping, N·s/m.
     pub bristle_damping_n_s_m: f64,
+}
+
+/// What measures on the rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigSensors {
+    /// Both force–torque sensors: A on the rack, at the origin of `e3`, with its axes; B on the plate,
+    /// at the origin of `e4`, with its axes.
+    pub force: ForceSensor,
+    /// Standard deviation of the length sensors' noise, m.
+    pub length_noise_m: f64,
+    /// Step of the length sensors, m.
+    pub length_quantum_m: f64,
+    /// Standard deviation of the pressure sensors' noise, as force, N.
+    pub pressure_noise_n: f64,
+}
+
+/// A six-axis piezoelectric sensor; pairs are of force (N) and moment (N·m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceSensor {
+    /// Natural frequency, Hz.
+    pub natural_frequency_hz: f64,
+    /// Damping ratio.
+    pub damping_ratio: f64,
+    /// Standard deviation of the noise of a sample.
+    pub noise: [f64; 2],
+    /// Drift of the zero, per second.
+    pub drift_per_s: [f64; 2],
+    /// Threshold of the dead zone.
+    pub dead_zone: [f64; 2],
+    /// What it does with readings above the threshold.
+    pub dead_zone_law: DeadZoneLaw,
+    /// Step of the reading.
+    pub quantum: [f64; 2],
+    /// End of the range.
+    pub range: [f64; 2],
+    /// From force to reading, beside the sensor's own lag, s; at most 5 ms.
+    pub delay_s: f64,
+    /// Half-width by which the delay of an emulated sensor is drawn, s.
+    pub delay_spread_s: f64,
+    /// Half-width by which the zero of an emulated sensor is drawn, before taring.
+    pub zero_spread: [f64; 2],
+}
+
+/// What a dead zone does with readings above its threshold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeadZoneLaw {
+    /// Passes them whole.
+    Zeroing,
+    /// Takes the threshold off: like a larger gap at the contact.
+    Subtractive,
+}
+
+impl DeadZoneLaw {
+    /// Words by which files name the laws.
+    pub const WORDS: [(&'static str, Self); 2] =
+        [("zeroing", Self::Zeroing), ("subtractive", Self::Subtractive)];
 }
 
 /// Half-widths by which an emulated rig may be drawn away from its file.

@@ -62,7 +62,8 @@ impl fmt::Display for Range {
 #[must_use]
 pub fn unit_of(key: &str) -> &'static str {
     // Longest suffixes first.
-    const UNITS: [(&str, &str); 31] = [
+    const UNITS: [(&str, &str); 32] = [
+        ("_n_nm", "N, N·m"),
         ("_m3_s_pa", "m³/(s·Pa)"),
         ("_m3_s", "m³/s"),
         ("_m_s2", "m/s²"),

@@ -208,7 +208,7 @@ impl AttenuatorGeometry {
 }
 
 /// J⁻¹ with ψ' = J⁻¹ ω, ω in the frame against which the rotation is measured.
-fn left_jacobian_inverse(psi: DVec3) -> DMat3 {
+pub(crate) fn left_jacobian_inverse(psi: DVec3) -> DMat3 {
     let t2 = psi.length_squared();
     let s = skew(psi);
     // 1/θ² − (1 + cos θ)/(2 θ sin θ) = 1/12 + θ²/720 + …

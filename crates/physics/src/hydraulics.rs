@@ -171,20 +171,21 @@ impl LegParameters {
     }
 }
 
-/// The valve over one fixed step, exactly, as long as no limit is met.
+/// A second-order lag over one fixed step, exactly, its input held.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct ValveStep {
-    // (spool − command, rate) after a step: the homogeneous solution of the second-order valve.
+pub struct SecondOrder {
+    // (output − input, rate) after a step: the homogeneous solution.
     xx: f64,
     xv: f64,
     vx: f64,
     vv: f64,
 }
 
-impl ValveStep {
-    fn new(valve: &ServoValve, h: f64) -> Self {
-        let w = core::f64::consts::TAU * valve.natural_frequency_hz;
-        let z = valve.damping_ratio;
+impl SecondOrder {
+    /// Natural frequency, damping ratio, step.
+    #[must_use]
+    pub fn new(natural_frequency_hz: f64, damping_ratio: f64, step_s: f64) -> Self {
+        let (w, z, h) = (core::f64::consts::TAU * natural_frequency_hz, damping_ratio, step_s);
         let decay = (-z * w * h).exp();
         // c = cos(ω_d h), s = sin(ω_d h)/ω_d, or their hyperbolic and limiting forms.
         let d2 = w * w * (1.0 - z * z);
@@ -204,13 +205,24 @@ impl ValveStep {
             vv: decay * (c - z * w * s),
         }
     }
+
+    /// Output and rate after a step under `input`.
+    #[must_use]
+    pub fn step<T>(&self, output: T, rate: T, input: T) -> (T, T)
+    where
+        T: Copy + core::ops::Add<Output = T> + core::ops::Sub<Output = T>,
+        T: core::ops::Mul<f64, Output = T>,
+    {
+        let e = output - input;
+        (input + e * self.xx + rate * self.xv, e * self.vx + rate * self.vv)
+    }
 }
 
 /// One leg's parameters with everything that depends on the step worked out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
     parameters: LegParameters,
-    valve: ValveStep,
+    valve: SecondOrder,
     step_s: f64,
 }
 
@@ -241,7 +253,12 @@ impl Leg {
     /// then far below the step).
     #[must_use]
     pub fn new(parameters: LegParameters, step_s: f64) -> Self {
-        Self { parameters, valve: ValveStep::new(&parameters.valve, step_s), step_s }
+        let v = &parameters.valve;
+        Self {
+            valve: SecondOrder::new(v.natural_frequency_hz, v.damping_ratio, step_s),
+            parameters,
+            step_s,
+        }
     }
 
     /// The parameters.
@@ -264,10 +281,7 @@ impl Leg {
         let p = &self.parameters.valve;
         let u = command.clamp(-1.0, 1.0);
         let (x0, v0) = (s.spool, s.spool_rate_1_s);
-        let e = x0 - u;
-        let m = &self.valve;
-        let mut x = u + m.xx * e + m.xv * v0;
-        let mut v = m.vx * e + m.vv * v0;
+        let (mut x, mut v) = self.valve.step(x0, v0, u);
         let furthest = p.slew_per_s * self.step_s;
         if (x - x0).abs() > furthest || v.abs() > p.slew_per_s {
             x = x0 + (x - x0).clamp(-furthest, furthest);

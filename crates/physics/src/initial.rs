@@ -115,7 +115,7 @@ fn taken_back(
             b.drift(m, -time / steps);
         }
         let poses = system.poses(&bodies.map(|b| b.pose()));
-        free &= !system.scene().touches(poses.x_wr.inverse() * poses.x_wp);
+        free &= !system.touches(&poses);
         left -= 1.0;
     }
     (bodies, free)
@@ -124,6 +124,10 @@ fn taken_back(
 /// Distance of the ring centres along X3 at which the sides first touch, coming from afar.
 fn contact_plane(system: &System, q_34: DQuat, lateral: DVec3) -> (f64, bool) {
     let m = system.mechanism();
+    if let Some(stick) = &m.stick {
+        let rings = m.active.ring.section_radius_m + m.passive.ring.section_radius_m;
+        return (rings - stick.play_m(), true);
+    }
     let height = |s: &docktwin_model::SideGeometry| {
         s.petals.map_or(s.ring.section_radius_m, |p| p.height_m + 0.5 * p.thickness_m)
     };

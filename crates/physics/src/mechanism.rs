@@ -6,7 +6,8 @@ use docktwin_model::{Attenuator, DockingMechanism, LatchSet, Spacecraft};
 use crate::{
     attenuator::{self, AttenuatorForce, AttenuatorGeometry, AttenuatorState, Deflection},
     body::{MIDPOINT_ITERATIONS, MassProperties},
-    contact::{ContactState, Contacts, Scene},
+    contact::{ContactState, Contacts, Scene, SurfacePair},
+    stick::StickContact,
 };
 
 /// Index of a body in every `[_; 3]` here.
@@ -165,6 +166,7 @@ pub struct LatchGap {
 pub struct Measured {
     poses: Poses,
     contacts: Contacts,
+    stick: Option<StickContact>,
     attenuator: AttenuatorGeometry,
     /// The latches' gaps.
     pub latches: [LatchGap; 3],
@@ -175,6 +177,24 @@ impl Measured {
     #[must_use]
     pub const fn contacts(&self) -> &Contacts {
         &self.contacts
+    }
+
+    /// The stick, where the mechanism is one.
+    #[must_use]
+    pub const fn stick(&self) -> Option<&StickContact> {
+        self.stick.as_ref()
+    }
+
+    /// True when the sides touch.
+    #[must_use]
+    pub fn touching(&self) -> bool {
+        self.contacts.touching() || self.stick.is_some_and(|s| s.touching())
+    }
+
+    /// The deepest contact, m.
+    #[must_use]
+    pub fn deepest_m(&self) -> f64 {
+        self.contacts.deepest_m().max(self.stick.map_or(0.0, |s| s.depth_m))
     }
 
     /// Deflection of the ring.
@@ -308,13 +328,29 @@ impl System {
         }
     }
 
+    fn stick(&self, poses: &Poses) -> Option<StickContact> {
+        let stick = self.mechanism.stick.as_ref()?;
+        let x_34 = poses.x_w3.inverse() * poses.x_w4;
+        Some(StickContact::measure(stick, self.mechanism.docked_length_m(), &x_34))
+    }
+
+    /// True when the sides touch, without a memory of earlier contact.
+    #[must_use]
+    pub fn touches(&self, poses: &Poses) -> bool {
+        self.stick(poses).map_or_else(
+            || self.scene.touches(poses.x_wr.inverse() * poses.x_wp),
+            |stick| stick.touching(),
+        )
+    }
+
     /// Measures contacts, deflection and latch gaps.
     #[must_use]
     pub fn measure(&self, state: &MechanismState, bodies: &[Pose; 3]) -> Measured {
         let poses = self.poses(bodies);
         let x_rp = poses.x_wr.inverse() * poses.x_wp;
-        let contacts = if state.joint.is_some() {
-            // The joint carries the rings now.
+        let stick = self.stick(&poses);
+        let contacts = if state.joint.is_some() || stick.is_some() {
+            // The joint carries the rings now, or the stick everything.
             Contacts::none(self.scene.law(), poses.x_wr)
         } else {
             self.scene.measure(&state.contact, poses.x_wr, poses.x_wp)
@@ -323,6 +359,7 @@ impl System {
             self.mechanism.latches.as_ref().map(|l| self.latch_gaps(l, x_rp)).unwrap_or_default();
         Measured {
             contacts,
+            stick,
             attenuator: AttenuatorGeometry::new(
                 poses.x_w3.inverse() * poses.x_wr,
                 self.mechanism.ring_rest_offset_m,
@@ -376,6 +413,12 @@ impl System {
                 out.contact_on_target = w.f;
                 out.contact_w = e.damping_w;
                 out.friction_w = e.friction_w;
+                if let Some(stick) = &m.stick {
+                    let force = m.poses.x_w3.q * stick.force_n;
+                    out.on_target.push(m.poses.x_w4.p - about, force);
+                    out.on_target.m += m.poses.x_w3.q * stick.couple_nm;
+                    out.contact_on_target += force;
+                }
                 if let Some(l) = &self.mechanism.latches {
                     let axis = m.poses.x_wr.q * DVec3::X;
                     for (gap, latch) in m.latches.iter().zip(&state.latches) {
@@ -464,7 +507,8 @@ impl System {
     }
 
     fn interface_energy(&self, m: &Measured, state: &MechanismState) -> f64 {
-        let Some(l) = &self.mechanism.latches else { return m.contacts.stored_j() };
+        let touching = m.contacts.stored_j() + m.stick.map_or(0.0, |s| s.stored_j);
+        let Some(l) = &self.mechanism.latches else { return touching };
         if let Some(j) = &state.joint {
             let k = l.joined_stiffness_n_m / 3.0;
             return (0..3)
@@ -484,7 +528,7 @@ impl System {
                 0.5 * l.hold_stiffness_n_m * over * over
             })
             .sum();
-        m.contacts.stored_j() + latches
+        touching + latches
     }
 
     /// Solves the implicit midpoint of one kick of length `h` at frozen positions. `start` are the
@@ -586,6 +630,15 @@ impl System {
             state.contact = ContactState::default();
         }
     }
+}
+
+/// Name of a pair of surfaces of a mechanism, see [`SurfacePair::from_index`].
+#[must_use]
+pub fn pair_name(mechanism: &DockingMechanism, pair: usize) -> String {
+    if mechanism.stick.is_some() && pair == 0 {
+        return "stick · frame".to_owned();
+    }
+    SurfacePair::from_index(pair).to_string()
 }
 
 fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f64) {

@@ -111,11 +111,11 @@ impl DockingState {
         let force = kick.forces.on_target.f.length();
         self.peak_force_n = self.peak_force_n.max(force);
         self.peak_moment_nm = self.peak_moment_nm.max(kick.forces.on_target.m.length());
-        self.peak_depth_m = self.peak_depth_m.max(measured.contacts().deepest_m());
+        self.peak_depth_m = self.peak_depth_m.max(measured.deepest_m());
         if self.mechanism.captured_s().is_none() {
             self.impulse_ns += force * h;
         }
-        if measured.contacts().touching() {
+        if measured.touching() {
             self.first_contact_s.get_or_insert(time_s);
         }
     }

@@ -26,6 +26,18 @@ pub enum ViewError {
         /// What rerun said.
         message: String,
     },
+    /// No viewer takes a live stream.
+    #[error(
+        "no viewer answers at {url}: {message}; start one first: rerun --bind 127.0.0.1 (version \
+         {}), or name another address: rerun+http://HOST:PORT/proxy",
+        crate::VIEWER_VERSION
+    )]
+    NoViewer {
+        /// Address.
+        url: String,
+        /// What rerun said.
+        message: String,
+    },
     /// A frame or event that cannot be drawn; nothing of it was written, the recording goes on.
     #[error("frame at {time_s} s is not recorded: {}", problems.join("; "))]
     Frame {

@@ -51,6 +51,9 @@ pub use whole::is_whole;
 /// Version of the viewer that recordings are written for.
 pub const VIEWER_VERSION: &str = "0.36.3";
 
+/// Where a viewer of this machine listens unless told otherwise.
+pub const LIVE_URL: &str = "rerun+http://127.0.0.1:9876/proxy";
+
 pub use error::ViewError;
 pub use rig::RigWriter;
 pub use writer::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter};

@@ -18,6 +18,8 @@ pub(crate) const APPLICATION: &str = "docktwin";
 const BATCH: usize = 256;
 /// How long the last frames may take to their file.
 const FLUSH_LIMIT: core::time::Duration = core::time::Duration::from_secs(60);
+/// How long a viewer may take to answer at first.
+const CONNECT_LIMIT: core::time::Duration = core::time::Duration::from_secs(2);
 /// Points of the trace closer than this, m, are one.
 const TRACE_CELL_M: f64 = 0.006;
 /// Points of the trace in one entity: a new point repeats at most so many.
@@ -396,6 +398,44 @@ impl SceneWriter {
         Self::start(path, scene, pair_names, Part::Alone)
     }
 
+    /// Streams to a viewer that is open instead of a file, at `url` (see [`LIVE_URL`]). What was
+    /// recorded since is sent by [`Self::push`]. Calls may wait while the viewer does not keep up:
+    /// not for a thread that keeps time.
+    ///
+    /// # Errors
+    /// [`ViewError::NoViewer`] when none answers there within two seconds, [`ViewError::Encode`]
+    /// when rerun refuses a part of the scene.
+    pub fn live(
+        url: &str,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+    ) -> Result<Self, ViewError> {
+        let nobody = |e: &dyn core::fmt::Display| ViewError::NoViewer {
+            url: url.to_owned(),
+            message: e.to_string(),
+        };
+        let rec = RecordingStreamBuilder::new(APPLICATION)
+            .recording_name(scene.scenario)
+            .enabled(true)
+            .connect_grpc_opts(url)
+            .map_err(|e| nobody(&e))?;
+        // Before the scene: without a viewer rerun 0.36.3 waits for ever once it holds 100 messages.
+        if let Err(e) = rec.flush_with_timeout(CONNECT_LIMIT) {
+            // Dropping the stream would wait for the viewer for another while.
+            core::mem::forget(rec);
+            return Err(nobody(&e));
+        }
+        Self::begin(rec, PathBuf::from(url), scene, pair_names, Part::Alone)
+    }
+
+    /// Sends what was recorded so far, for viewers that look on.
+    ///
+    /// # Errors
+    /// [`ViewError::Encode`] when rerun refuses the data.
+    pub fn push(&mut self) -> Result<(), ViewError> {
+        self.send()
+    }
+
     /// The same for run A of a comparison, whose run B is written by [`Self::ghost`].
     ///
     /// # Errors
@@ -438,13 +478,24 @@ impl SceneWriter {
             .enabled(true)
             .save(path)
             .map_err(create)?;
+        Self::begin(rec, path.to_owned(), scene, pair_names, part)
+    }
+
+    /// Writes all that does not change.
+    fn begin(
+        rec: RecordingStream,
+        path: PathBuf,
+        scene: &SceneModel<'_>,
+        pair_names: &[String],
+        part: Part,
+    ) -> Result<Self, ViewError> {
         let m = scene.mechanism;
         let compared = part == Part::First;
         let look = blueprint::Look { eye: Eye::new(m), face_on: Eye::face_on(m), compared };
         blueprint::send(&rec, APPLICATION, &blueprint::docking(&look))
             .map_err(|e| ViewError::encode("blueprint", e))?;
         scene::log_static(&rec, scene, compared).map_err(|e| ViewError::encode(paths::SCENE, e))?;
-        Ok(Self::with(rec, path.to_owned(), scene, pair_names, part, 0))
+        Ok(Self::with(rec, path, scene, pair_names, part, 0))
     }
 
     fn with(

@@ -130,6 +130,7 @@ pub fn apas() -> DockingMechanism {
         passive_ring_offset_m: 0.1,
         contact: law(),
         attenuator: Attenuator::Characteristic(attenuator()),
+        stick: None,
         latches: Some(LatchSet {
             azimuths_rad: [0.0, third, 2.0 * third],
             approach_gap_m: 0.05,
@@ -167,6 +168,7 @@ pub fn bare_rings() -> DockingMechanism {
         passive: side(false),
         attenuator: Attenuator::Rigid,
         latches: None,
+        stick: None,
         ..apas()
     }
 }

@@ -1,0 +1,145 @@
+//! The way of the rig from rest to the initial condition of a docking (§6, locus planning).
+//!
+//! First from where it stands to the beginning of the run-up, from rest to rest; then along the free
+//! flight that leads to the initial condition, with its time let go slowly: every pose of the run-up is
+//! one of the free flight, and position, velocity, acceleration and jerk pass into it without a step.
+//! The dynamics loop is closed at its end.
+
+use docktwin_core::{DQuat, DVec3, Pose, Twist};
+use docktwin_physics::programme::{Programme, RelativeMotion};
+
+/// `p(u) = 35u⁴ − 84u⁵ + 70u⁶ − 20u⁷`, from 0 to 1, and its first three derivatives.
+fn smooth(u: f64) -> [f64; 4] {
+    let u = u.clamp(0.0, 1.0);
+    let (u2, v) = (u * u, 1.0 - u);
+    [
+        u2 * u2 * (35.0 - u * (84.0 - u * (70.0 - 20.0 * u))),
+        140.0 * u * u2 * v * v * v,
+        420.0 * u2 * v * v * (1.0 - 2.0 * u),
+        840.0 * u * v * (1.0 - u * (5.0 - 5.0 * u)),
+    ]
+}
+
+/// Integral of [`smooth`] from 0.
+fn smooth_area(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    let u2 = u * u;
+    u2 * u2 * u * (7.0 - u * (14.0 - u * (10.0 - 2.5 * u)))
+}
+
+/// From rest to rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    from: Pose,
+    /// Way of the origin, m, and rotation vector, rad, both in `e3`.
+    way: DVec3,
+    turn: DVec3,
+    /// How long it takes, s.
+    pub duration_s: f64,
+}
+
+impl Move {
+    /// From one relative pose to another, nowhere faster than `speed_m_s` and `rate_rad_s`.
+    #[must_use]
+    pub fn new(from: &Pose, to: &Pose, speed_m_s: f64, rate_rad_s: f64) -> Self {
+        let way = to.p - from.p;
+        let mut q = (to.q * from.q.conjugate()).normalize();
+        if q.w < 0.0 {
+            q = -q;
+        }
+        let turn = q.to_scaled_axis();
+        // The derivative of the smooth step is 35/16 in its middle.
+        let longest = (way.length() / speed_m_s).max(turn.length() / rate_rad_s);
+        Self { from: *from, way, turn, duration_s: (35.0 / 16.0 * longest).max(SHORTEST_S) }
+    }
+
+    /// The motion `time_s` after its start.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> RelativeMotion {
+        let t = self.duration_s;
+        let [p, v, a, j] = smooth(time_s / t);
+        let along = |x: f64| Twist { v: self.way * x, w: self.turn * x };
+        let q = DQuat::from_scaled_axis(self.turn * p) * self.from.q;
+        RelativeMotion {
+            x_34: Pose::new(self.from.p + self.way * p, q.normalize()),
+            twist: along(v / t),
+            acceleration: along(a / (t * t)),
+            jerk: along(j / (t * t * t)),
+        }
+    }
+}
+
+/// The shortest a move takes, s.
+const SHORTEST_S: f64 = 0.5;
+
+/// Along the free flight up to the initial condition.
+#[derive(Clone, Debug)]
+pub struct RunUp {
+    bodies: Programme,
+    /// How long it takes, s; half of it is the free flight it goes through.
+    pub duration_s: f64,
+}
+
+impl RunUp {
+    /// To the present state of `bodies`, within `duration_s`.
+    #[must_use]
+    pub fn new(bodies: &Programme, duration_s: f64) -> Self {
+        Self { bodies: bodies.clone(), duration_s }
+    }
+
+    /// The motion `time_s` after its start; at its end that of the bodies.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> RelativeMotion {
+        let t = self.duration_s;
+        let u = time_s / t;
+        let [w, w1, w2, _] = smooth(u);
+        let free = self.bodies.free(t * (smooth_area(u) - 0.5));
+        let (v, a) = (free.twist, free.acceleration);
+        let mix = |x: f64, y: f64| Twist { v: v.v * x + a.v * y, w: v.w * x + a.w * y };
+        let (w1, w2) = (w1 / t, w2 / (t * t));
+        RelativeMotion {
+            x_34: free.x_34,
+            twist: mix(w, 0.0),
+            acceleration: mix(w1, w * w),
+            jerk: mix(w2, 3.0 * w * w1),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every derivative is that of the one before.
+    #[test]
+    fn oracle_derivatives_of_the_smooth_step() {
+        let h = 1e-5;
+        for i in 1..20 {
+            let u = f64::from(i) / 20.0;
+            let (a, b) = (smooth(u - h), smooth(u + h));
+            let here = smooth(u);
+            for k in 0..3 {
+                let slope = (b[k] - a[k]) / (2.0 * h);
+                assert!((slope - here[k + 1]).abs() < 1e-5, "{u} {k}: {slope} {}", here[k + 1]);
+            }
+            let slope = (smooth_area(u + h) - smooth_area(u - h)) / (2.0 * h);
+            assert!((slope - here[0]).abs() < 1e-6);
+        }
+        assert!((smooth_area(1.0) - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn invariant_a_move_keeps_its_limits_and_ends() {
+        let from = Pose::IDENTITY;
+        let to = Pose::new(DVec3::new(0.3, -0.1, 0.2), DQuat::from_rotation_x(0.2));
+        let m = Move::new(&from, &to, 0.05, 0.02);
+        let n = 1000;
+        for i in 0..=n {
+            let at = m.at(m.duration_s * f64::from(i) / f64::from(n));
+            assert!(at.twist.v.length() <= 0.05 + 1e-12 && at.twist.w.length() <= 0.02 + 1e-12);
+        }
+        let end = m.at(m.duration_s);
+        assert!((end.x_34.p - to.p).length() < 1e-15 && end.twist.v.length() < 1e-15);
+        assert!((end.x_34.q.dot(to.q).abs() - 1.0).abs() < 1e-15);
+    }
+}

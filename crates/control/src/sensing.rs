@@ -1,0 +1,148 @@
+//! From the sensors' readings to the wrenches at both ports (§5).
+//!
+//! Sensor A on the rack gives F3, M3. F4, M4 come from sensor B on the moving plate (two-sensor
+//! scheme), less weight and inertia of what it carries, or from A by (12) and (13) (single-sensor
+//! scheme), which is right as far as the moving part of the active mechanism is light.
+
+use docktwin_core::{DVec3, Pose, Twist, Wrench};
+use docktwin_physics::mounted::{Payload, Ports};
+
+/// Where F4, M4 come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SensorScheme {
+    /// From sensor A by (12), (13).
+    #[default]
+    Single,
+    /// From sensor B.
+    Two,
+}
+
+/// What the plate does while a sensor on it is read: gravity (m/s²) in `e4`, and motion of `e4`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Carried {
+    /// Gravity in axes of `e4`, m/s².
+    pub gravity: DVec3,
+    /// Angular velocity in axes of `e4`, rad/s.
+    pub rate: DVec3,
+    /// Acceleration of the origin of `e4` (m/s²) and angular acceleration (rad/s²), axes of `e4`.
+    pub acceleration: Twist,
+}
+
+/// (12) and (13): the wrench on the target at `e4` that belongs to the wrench on the chaser at `e3`,
+/// when nothing between them has mass. In (13) `r_ab` runs from `O_a` to `O_b`.
+#[must_use]
+pub fn opposite(port3: &Wrench, x_34: &Pose) -> Wrench {
+    let at_4 = port3.shifted(x_34.p);
+    (-at_4).rotated(x_34.q.conjugate())
+}
+
+/// Conditioning of both sensors.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditioning {
+    scheme: SensorScheme,
+    /// What sensor B carries, as believed.
+    payload: Payload,
+    /// Offsets of A and B.
+    tare: [Wrench; 2],
+    sum: [Wrench; 2],
+    samples: u32,
+}
+
+impl Conditioning {
+    /// Not tared yet.
+    #[must_use]
+    pub const fn new(scheme: SensorScheme, payload: Payload) -> Self {
+        Self { scheme, payload, tare: [Wrench::ZERO; 2], sum: [Wrench::ZERO; 2], samples: 0 }
+    }
+
+    /// Takes a sample for the tare; nothing touches.
+    pub fn tare_sample(&mut self, a: &Wrench, b: &Wrench, carried: &Carried) {
+        self.sum[0] += *a;
+        self.sum[1] += *b + -self.weight(carried);
+        self.samples += 1;
+    }
+
+    /// Makes the mean of the samples the tare and begins anew. Nothing happens without samples.
+    pub fn tare(&mut self) {
+        if self.samples == 0 {
+            return;
+        }
+        let n = f64::from(self.samples);
+        self.tare = self.sum.map(|w| Wrench { f: w.f / n, m: w.m / n });
+        self.sum = [Wrench::ZERO; 2];
+        self.samples = 0;
+    }
+
+    /// The tare: offsets of A and B.
+    #[must_use]
+    pub const fn offsets(&self) -> &[Wrench; 2] {
+        &self.tare
+    }
+
+    fn weight(&self, c: &Carried) -> Wrench {
+        self.payload.wrench(c.gravity, c.rate, &c.acceleration)
+    }
+
+    /// Wrenches at both ports from readings of one instant, at which the mechanisms stood at `x_34`.
+    #[must_use]
+    pub fn ports(&self, a: &Wrench, b: &Wrench, x_34: &Pose, carried: &Carried) -> Ports {
+        let port3 = *a + -self.tare[0];
+        let port4 = match self.scheme {
+            SensorScheme::Single => opposite(&port3, x_34),
+            SensorScheme::Two => *b + -self.tare[1] + -self.weight(carried),
+        };
+        Ports { port3, port4 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use docktwin_core::{DMat3, DQuat};
+
+    use super::*;
+
+    /// A mechanism without mass is in equilibrium: what it does to both spacecraft adds up to nothing
+    /// about any point.
+    #[test]
+    fn oracle_signs_of_12_and_13_by_equilibrium() {
+        let x_34 = Pose::new(
+            DVec3::new(0.7, 0.1, -0.2),
+            DQuat::from_scaled_axis(DVec3::new(0.2, -0.1, 0.3)),
+        );
+        let w3 = Wrench { f: DVec3::new(10.0, -4.0, 7.0), m: DVec3::new(1.0, 2.0, -3.0) };
+        let w4 = opposite(&w3, &x_34);
+        // In e3, about its origin.
+        let back = w4.rotated(x_34.q);
+        let total = DVec3::ZERO.cross(w3.f) + w3.m + x_34.p.cross(back.f) + back.m;
+        assert!((w3.f + back.f).length() < 1e-12 && total.length() < 1e-12);
+        // (13) with r_ab from O_a to O_b: r_42 + r_21 − r_31 is r_43.
+        let r_43 = -x_34.p;
+        let printed = r_43.cross(back.f) - w3.m;
+        assert!((printed - back.m).length() < 1e-12);
+    }
+
+    /// A plate that is thrown about with nothing touching reads nothing.
+    #[test]
+    fn oracle_weight_and_inertia_are_taken_off() {
+        let payload = Payload {
+            mass_kg: 200.0,
+            com_m: DVec3::new(0.1, 0.02, -0.03),
+            inertia_kg_m2: DMat3::from_diagonal(DVec3::new(40.0, 30.0, 20.0)),
+        };
+        let mut c = Conditioning::new(SensorScheme::Two, payload);
+        let still = Carried { gravity: DVec3::new(-9.81, 0.0, 0.0), ..Carried::default() };
+        let zero = Wrench { f: DVec3::splat(3.0), m: DVec3::splat(-2.0) };
+        let read = |at: &Carried| payload.wrench(at.gravity, at.rate, &at.acceleration) + zero;
+        for _ in 0..10 {
+            c.tare_sample(&Wrench::ZERO, &read(&still), &still);
+        }
+        c.tare();
+        let moving = Carried {
+            gravity: DQuat::from_rotation_y(0.1) * still.gravity,
+            rate: DVec3::new(0.1, 0.2, -0.3),
+            acceleration: Twist { v: DVec3::new(1.0, -2.0, 0.5), w: DVec3::new(0.3, 0.1, 0.2) },
+        };
+        let ports = c.ports(&Wrench::ZERO, &read(&moving), &Pose::IDENTITY, &moving);
+        assert!(ports.port4.f.length() < 1e-9 && ports.port4.m.length() < 1e-9);
+    }
+}

@@ -1,0 +1,414 @@
+//! The emulated rig: hydraulics, plate, legs and their control, both mechanisms with their weight, and
+//! the sensors. What a rig of steel would do with the same commands, as far as we can describe one.
+//!
+//! With a seed it is a rig as built, drawn within the spread of its file; the loop still believes the
+//! file. Everything is a function of the seed and the commands, so two runs are the same bit by bit.
+
+use docktwin_control::{
+    feedforward::{self, Feedforward, LegCommand, PlateMotion},
+    planner::Move,
+    rig::{ClosedRig, RigSetup, SetupError, TICK_S},
+};
+use docktwin_core::{DQuat, DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_model::{HydraulicPreset, Rig, RigSensors};
+use docktwin_physics::{
+    mechanism::{LatchPhase, RING, System},
+    mounted::{Mounted, Payload},
+    platform::Platform,
+    rig::{ReducedRig, RigPlant},
+    sensor::{Noise, Sensor, SensorParameters, quantised},
+};
+
+use crate::{
+    port::{RigCommand, RigMeasurement, RigMode, status},
+    rig::Plant,
+};
+
+/// Streams of draws; the legs' have 0 to 5, the rig's 6.
+const SENSOR_STREAM: u64 = 16;
+const NOISE_STREAM: u64 = 32;
+/// Time over which speeds are read off the length sensors, s.
+const SPEED_WINDOW_S: f64 = 0.004;
+/// How fast a stop brakes, m/s² at the plate, and the shortest time it takes, s.
+const STOP_M_S2: f64 = 2.0;
+const SHORTEST_STOP_S: f64 = 0.05;
+/// How a retraction goes: way along the docking axis, m, speed, m/s, rate, rad/s.
+const RETRACT_M: f64 = 0.1;
+const RETRACT_M_S: f64 = 0.05;
+const RETRACT_RAD_S: f64 = 0.02;
+
+/// Why a rig cannot be emulated.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum EmulationError {
+    /// The file has no sensors.
+    #[error(
+        "the rig's file has no table [sensors]: add one, models/urdf/stewart.toml is an example"
+    )]
+    Sensors,
+    /// The controllers cannot be built.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+}
+
+/// What the rig does when it does not track.
+#[derive(Clone, Copy, Debug)]
+enum Own {
+    /// At rest at a pose.
+    Hold(Pose),
+    /// Comes to rest from a motion, so many seconds after its begin.
+    Stop { from: PlateMotion, duration_s: f64, time_s: f64 },
+    /// Draws back.
+    Retract { way: Move, time_s: f64 },
+}
+
+/// An emulated rig.
+#[derive(Clone, Debug)]
+pub struct EmulatedRig<P = ReducedRig> {
+    closed: ClosedRig<P>,
+    feedforward: Feedforward,
+    rig: Rig,
+    mounted: Mounted,
+    touched: bool,
+    sensors: [Sensor; 2],
+    carried: [Payload; 2],
+    model: RigSensors,
+    noise: Noise,
+    own: Option<Own>,
+    /// The last motion commanded, for a stop that begins with it.
+    commanded: PlateMotion,
+    /// Velocity of the plate in the middles of the last two steps.
+    middle: [Twist; 2],
+    time_s: f64,
+}
+
+impl EmulatedRig {
+    /// The reduced rig of a file with the mechanism of a system between rack and plate, at rest at
+    /// `x_34`. With `built` it is drawn with that seed; `seed` is that of the noise.
+    ///
+    /// # Errors
+    /// See [`EmulationError`].
+    pub fn new(
+        rig: &Rig,
+        preset: HydraulicPreset,
+        built: Option<u64>,
+        seed: u64,
+        system: System,
+        x_34: &Pose,
+    ) -> Result<Self, EmulationError> {
+        let setup = RigSetup::of_rig(rig, preset, built);
+        let x_bp = rig.plate_from_docking(x_34);
+        let closed = ClosedRig::new(&setup, &x_bp)?;
+        Self::with_rig(closed, &setup, rig, built, seed, system)
+    }
+}
+
+impl<P: RigPlant> EmulatedRig<P> {
+    /// Around a closed rig at rest; otherwise as [`EmulatedRig::new`].
+    ///
+    /// # Errors
+    /// See [`EmulationError`].
+    pub fn with_rig(
+        closed: ClosedRig<P>,
+        setup: &RigSetup,
+        rig: &Rig,
+        built: Option<u64>,
+        seed: u64,
+        system: System,
+    ) -> Result<Self, EmulationError> {
+        let model = rig.sensors.ok_or(EmulationError::Sensors)?;
+        let step_s = closed.plant().step_s();
+        let x_bp = closed.state().x_bp;
+        // What A carries and the ring has weight of its own.
+        let mut on_rack = Payload::of(rig.active_payload, &rig.x_03);
+        if !system.rigid() {
+            let ring = &system.mass()[RING];
+            let at = (system.ports()[0].inverse() * system.ring_at_rest()).p;
+            let left = on_rack.mass_kg - ring.mass();
+            if left > 0.0 {
+                on_rack.com_m = (on_rack.com_m * on_rack.mass_kg - at * ring.mass()) / left;
+            }
+            on_rack.mass_kg = left.max(0.0);
+        }
+        let x_p4 = rig.x_4p.inverse();
+        let carried = [on_rack, Payload::of(rig.passive_payload, &x_p4)];
+        let mounted = Mounted::new(system, rig, step_s);
+        let drawn = |i: u64| match built {
+            Some(seed) => SensorParameters::drawn(model.force, seed, SENSOR_STREAM + i),
+            None => SensorParameters::of_file(model.force),
+        };
+        let still = Twist::default();
+        let weights = Self::weights(rig, &carried, &mounted, &x_bp, &still, &still);
+        let sensor = |i: u64| {
+            let noise = Noise::new(seed, NOISE_STREAM + i);
+            Sensor::new(drawn(i), step_s, noise, weights[i as usize])
+        };
+        Ok(Self {
+            feedforward: setup.feedforward(),
+            rig: rig.clone(),
+            touched: false,
+            sensors: [sensor(0), sensor(1)],
+            carried,
+            model,
+            noise: Noise::new(seed, NOISE_STREAM + 2),
+            own: Some(Own::Hold(x_bp)),
+            commanded: PlateMotion::rest(x_bp),
+            middle: [still; 2],
+            time_s: 0.0,
+            closed,
+            mounted,
+        })
+    }
+
+    /// What both sensors feel of weight and inertia; acceleration of the origin of `ep`, in `eb`.
+    fn weights(
+        rig: &Rig,
+        carried: &[Payload; 2],
+        mounted: &Mounted,
+        x_bp: &Pose,
+        twist: &Twist,
+        acceleration: &Twist,
+    ) -> [Wrench; 2] {
+        let q3 = (rig.x_b0 * rig.x_03).q.conjugate();
+        let still = Twist::default();
+        let a = carried[0].wrench(q3 * rig.gravity_m_s2, DVec3::ZERO, &still);
+        let x_b4 = *x_bp * mounted.passive_mount();
+        let (q4, arm) = (x_b4.q.conjugate(), x_b4.p - x_bp.p);
+        let (w, alpha) = (twist.w, acceleration.w);
+        let at_4 = acceleration.v + alpha.cross(arm) + w.cross(w.cross(arm));
+        let b = carried[1].wrench(
+            q4 * rig.gravity_m_s2,
+            q4 * w,
+            &Twist { v: q4 * at_4, w: q4 * alpha },
+        );
+        [a + mounted.ring_weight(), b]
+    }
+
+    /// The mechanism.
+    #[must_use]
+    pub const fn mounted(&self) -> &Mounted {
+        &self.mounted
+    }
+
+    /// The closed rig.
+    #[must_use]
+    pub const fn closed(&self) -> &ClosedRig<P> {
+        &self.closed
+    }
+
+    /// `X_34` as it really is.
+    #[must_use]
+    pub fn x_34(&self) -> Pose {
+        self.rig.docking_from_plate(&self.closed.state().x_bp)
+    }
+
+    /// Command of a motion of its own, known to the moment.
+    fn own_command(&mut self) -> Option<feedforward::RigCommand> {
+        let motion = match self.own.as_mut()? {
+            Own::Hold(x_bp) => PlateMotion::rest(*x_bp),
+            Own::Stop { from, duration_s, time_s } => {
+                *time_s += TICK_S;
+                let (d, t) = (*duration_s, time_s.min(*duration_s));
+                let scaled = |x: f64| Twist { v: from.twist.v * x, w: from.twist.w * x };
+                let way = t - 0.5 * t * t / d;
+                let left = if *time_s < d { 1.0 } else { 0.0 };
+                PlateMotion {
+                    x_bp: Platform::moved(&from.x_bp, &from.twist, way),
+                    twist: scaled(1.0 - t / d),
+                    acceleration: scaled(-left / d),
+                    ..PlateMotion::default()
+                }
+            }
+            Own::Retract { way, time_s } => {
+                *time_s += TICK_S;
+                let m = way.at(*time_s);
+                PlateMotion::of_docking(
+                    self.feedforward.platform(),
+                    &m.x_34,
+                    &[m.twist, m.acceleration, m.jerk],
+                )
+            }
+        };
+        self.commanded = motion;
+        // A pose that cannot be held is not left by force: the legs keep their last command.
+        self.feedforward.command(&motion).ok()
+    }
+
+    fn stop(&mut self) {
+        if matches!(self.own, Some(Own::Stop { .. } | Own::Hold(_))) {
+            return;
+        }
+        let from = self.commanded;
+        let speed = from
+            .twist
+            .v
+            .length()
+            .max(from.twist.w.length() * self.feedforward.platform().plate_radius_m());
+        let duration_s = (speed / STOP_M_S2).max(SHORTEST_STOP_S);
+        self.own = Some(Own::Stop { from, duration_s, time_s: 0.0 });
+    }
+
+    fn enter(&mut self, mode: RigMode) {
+        match mode {
+            RigMode::Track => self.own = None,
+            RigMode::Idle => {
+                if self.own.is_none() {
+                    self.stop();
+                }
+                if self.touched {
+                    self.mounted.reset();
+                    self.touched = false;
+                }
+            }
+            RigMode::Hold | RigMode::Stop => self.stop(),
+            RigMode::Retract => {
+                if !matches!(self.own, Some(Own::Retract { .. })) {
+                    let from = self.rig.docking_from_plate(&self.commanded.x_bp);
+                    let mut to = from;
+                    let d = &self.rig.docking;
+                    let furthest = d.middle_m.x + d.axial_m;
+                    to.p.x = (from.p.x + RETRACT_M).min(furthest.max(from.p.x));
+                    let way = Move::new(&from, &to, RETRACT_M_S, RETRACT_RAD_S);
+                    self.own = Some(Own::Retract { way, time_s: 0.0 });
+                }
+            }
+        }
+    }
+
+    fn tick(&mut self, command: Option<&feedforward::RigCommand>) -> RigMeasurement {
+        let held;
+        let command = match command {
+            Some(c) => c,
+            None => {
+                held = self.held();
+                &held
+            }
+        };
+        let Self { closed, mounted, sensors, carried, rig, middle, .. } = self;
+        let step_s = closed.plant().step_s();
+        let done = closed.tick(command, |x_bp, twist| {
+            let (on_plate, ports) = mounted.advance(x_bp, twist);
+            // Slope between the last two middles, carried on by half of its change.
+            let slope =
+                |a: &Twist, b: &Twist| Twist { v: (a.v - b.v) / step_s, w: (a.w - b.w) / step_s };
+            let (new, old) = (slope(twist, &middle[0]), slope(&middle[0], &middle[1]));
+            let acceleration = Twist { v: new.v * 1.5 - old.v * 0.5, w: new.w * 1.5 - old.w * 0.5 };
+            *middle = [*twist, middle[0]];
+            let [a, b] = Self::weights(rig, carried, mounted, x_bp, twist, &acceleration);
+            sensors[0].step(ports.port3 + a);
+            sensors[1].step(ports.port4 + b);
+            on_plate
+        });
+        self.time_s += TICK_S;
+        let mut m = self.measure();
+        if done.is_ok() {
+            m.status |= status::ENABLED;
+        }
+        m
+    }
+
+    /// The legs where they are.
+    fn held(&self) -> feedforward::RigCommand {
+        let s = self.closed.measure();
+        let legs = core::array::from_fn(|i| LegCommand {
+            length_m: s.length_m[i],
+            force_n: s.force_n[i],
+            ..LegCommand::default()
+        });
+        feedforward::RigCommand { legs, x_bp: s.x_bp, twist: Twist::default() }
+    }
+
+    fn measure(&mut self) -> RigMeasurement {
+        let s = self.closed.measure();
+        let mut m = RigMeasurement::zero();
+        let noise = &mut self.noise;
+        for i in 0..6 {
+            let model = &self.model;
+            m.leg_length_m[i] = quantised(
+                s.length_m[i] + model.length_noise_m * noise.normal(),
+                model.length_quantum_m,
+            );
+            let speed_noise = model.length_noise_m / SPEED_WINDOW_S;
+            m.leg_speed_m_s[i] = s.speed_m_s[i] + speed_noise * noise.normal();
+            m.leg_force_n[i] = s.force_n[i] + model.pressure_noise_n * noise.normal();
+            m.valve_spool[i] = s.spool[i];
+        }
+        let [a, b] = &mut self.sensors;
+        let (a, b) = (a.read(self.time_s), b.read(self.time_s));
+        m.sensor_a = six(&a.wrench);
+        m.sensor_b = six(&b.wrench);
+        if a.saturated {
+            m.status |= status::SENSOR_A_SATURATED;
+        }
+        if b.saturated {
+            m.status |= status::SENSOR_B_SATURATED;
+        }
+        let margins = self.feedforward.platform().stroke_margins_m(&s.length_m);
+        if margins.iter().any(|x| *x < 0.0) {
+            m.status |= status::LIMIT_SWITCH;
+        }
+        let state = self.mounted.state();
+        self.touched |=
+            state.latches.iter().any(|l| l.phase != LatchPhase::Free) || state.losses.total() > 0.0;
+        for (out, latch) in m.mechanism.iter_mut().zip(&state.latches) {
+            *out = f64::from(latch.phase as u8);
+        }
+        let (d, psi) = self.mounted.ring_deflection();
+        m.mechanism[3..6].copy_from_slice(&d.to_array());
+        m.mechanism[6..9].copy_from_slice(&psi.to_array());
+        m.mechanism[9] = f64::from(u8::from(state.captured_s().is_some()));
+        let ports = self.mounted.now(&s.x_bp, &s.twist);
+        m.status |= status::TRUTH;
+        m.truth_position_m = s.x_bp.p.to_array();
+        let q = s.x_bp.q;
+        m.truth_attitude = [q.w, q.x, q.y, q.z];
+        m.truth_twist =
+            [s.twist.v.x, s.twist.v.y, s.twist.v.z, s.twist.w.x, s.twist.w.y, s.twist.w.z];
+        m.truth_port3 = six(&ports.port3);
+        m.truth_port4 = six(&ports.port4);
+        let mut h = StateHasher::chained(self.closed.digest());
+        self.mounted.hash_into(&mut h);
+        self.sensors.iter().for_each(|s| s.hash_into(&mut h));
+        m.state_digest = h.finish().short();
+        m
+    }
+}
+
+fn six(w: &Wrench) -> [f64; 6] {
+    [w.f.x, w.f.y, w.f.z, w.m.x, w.m.y, w.m.z]
+}
+
+impl<P: RigPlant> Plant for EmulatedRig<P> {
+    fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
+        // Judged by the port.
+        let mode = RigMode::from_number(command.mode).unwrap_or(RigMode::Stop);
+        self.enter(mode);
+        if self.own.is_some() {
+            let c = self.own_command();
+            return self.tick(c.as_ref());
+        }
+        let legs = core::array::from_fn(|i| LegCommand {
+            length_m: command.leg_length_m[i],
+            speed_m_s: command.leg_speed_m_s[i],
+            flow_speed_m_s: command.leg_flow_speed_m_s[i],
+            force_n: command.leg_force_n[i],
+        });
+        let [w, x, y, z] = command.plate_attitude;
+        let x_bp = Pose::new(
+            DVec3::from_array(command.plate_position_m),
+            DQuat::from_xyzw(x, y, z, w).normalize(),
+        );
+        let twist = Twist {
+            v: DVec3::from_array(command.plate_velocity_m_s),
+            w: DVec3::from_array(command.plate_rate_rad_s),
+        };
+        self.commanded = PlateMotion { x_bp, twist, ..PlateMotion::default() };
+        let c = feedforward::RigCommand { legs, x_bp, twist };
+        self.tick(Some(&c))
+    }
+
+    fn alone(&mut self, _period_ns: u64) -> RigMeasurement {
+        self.enter(RigMode::Stop);
+        let c = self.own_command();
+        self.tick(c.as_ref())
+    }
+}

@@ -1,0 +1,279 @@
+//! The mechanism as it stands on the rig: the active side on the rack, the passive one on the plate,
+//! both with weight. The same surfaces, attenuator and latches as in orbit ([`crate::mechanism`]); the
+//! two spacecraft are gone, the ring is still free.
+//!
+//! One step is the leapfrog of [`crate::reduced`], the plate's pose and twist in its middle given.
+
+use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench, inertia_world};
+use docktwin_model::{Rig, RigidMass};
+
+use crate::{
+    body::BodyState,
+    mechanism::{EnergyLosses, Forces, Measured, MechanismState, RING, System, TARGET},
+};
+
+/// Wrenches on both sides, each at its mounting plane and in its axes, N and N·m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ports {
+    /// F3, M3: on the rack at the origin of `e3`, in `e3`.
+    pub port3: Wrench,
+    /// F4, M4: on the plate at the origin of `e4`, in `e4`.
+    pub port4: Wrench,
+}
+
+/// Weight and inertia of what a sensor carries, seen from the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Payload {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Mass centre, m.
+    pub com_m: DVec3,
+    /// Inertia about the mass centre, kg·m².
+    pub inertia_kg_m2: DMat3,
+}
+
+impl Payload {
+    /// Nothing.
+    pub const NONE: Self = Self { mass_kg: 0.0, com_m: DVec3::ZERO, inertia_kg_m2: DMat3::ZERO };
+
+    /// A body seen from a frame in which the sensor stands at `x_fs`.
+    #[must_use]
+    pub fn of(body: Option<RigidMass>, x_fs: &Pose) -> Self {
+        body.map_or(Self::NONE, |b| Self {
+            mass_kg: b.mass_kg,
+            com_m: x_fs.inverse_transform_point(b.com_m),
+            inertia_kg_m2: inertia_world(x_fs.q.conjugate(), b.inertia_kg_m2),
+        })
+    }
+
+    /// Wrench on the sensor by weight and inertia, about its origin, in its axes. Everything in its
+    /// axes: gravity (m/s²), angular velocity, and the acceleration of its origin (m/s², rad/s²).
+    #[must_use]
+    pub fn wrench(&self, gravity: DVec3, rate: DVec3, acceleration: &Twist) -> Wrench {
+        let c = self.com_m;
+        let alpha = acceleration.w;
+        let a = acceleration.v + alpha.cross(c) + rate.cross(rate.cross(c));
+        let mut w = Wrench::at(c, (gravity - a) * self.mass_kg);
+        let i = self.inertia_kg_m2;
+        w.m -= i * alpha + rate.cross(i * rate);
+        w
+    }
+}
+
+/// The mechanism between rack and plate.
+#[derive(Clone, Debug)]
+pub struct Mounted {
+    system: System,
+    gravity_m_s2: DVec3,
+    /// Chaser's mass-centre frame that has `e3` on the rack, in `eb`.
+    x_wc: Pose,
+    /// Target's mass-centre frame in the plate.
+    x_pt: Pose,
+    x_p4: Pose,
+    state: MechanismState,
+    ring: BodyState,
+    step_s: f64,
+    steps: u64,
+}
+
+impl Mounted {
+    /// The mechanism of a system on a rig, stepped by `step_s`; its ring at rest.
+    #[must_use]
+    pub fn new(system: System, rig: &Rig, step_s: f64) -> Self {
+        let [x_c3, x_t4] = system.ports();
+        let x_wc = rig.x_b0 * rig.x_03 * x_c3.inverse();
+        let x_p4 = rig.x_4p.inverse();
+        let ring = x_wc * system.ring_at_rest();
+        let mut out = Self {
+            ring: BodyState::new(&system.mass()[RING], ring, DVec3::ZERO, DVec3::ZERO),
+            system,
+            gravity_m_s2: rig.gravity_m_s2,
+            x_wc,
+            x_pt: x_p4 * x_t4.inverse(),
+            x_p4,
+            state: MechanismState::default(),
+            step_s,
+            steps: 0,
+        };
+        out.reset();
+        out
+    }
+
+    /// The system it is made of.
+    #[must_use]
+    pub const fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// Latches, attenuator, contact.
+    #[must_use]
+    pub const fn state(&self) -> &MechanismState {
+        &self.state
+    }
+
+    /// Opens the latches and puts the ring to rest, where weight and springs hold each other.
+    pub fn reset(&mut self) {
+        self.state = MechanismState::default();
+        self.steps = 0;
+        let x = self.x_wc * self.system.ring_at_rest();
+        self.ring = BodyState::new(&self.system.mass()[RING], x, DVec3::ZERO, DVec3::ZERO);
+        if self.system.rigid() {
+            return;
+        }
+        // Nothing touches far away. Velocity is taken out wherever it has grown: two seconds are
+        // longer than any spring of the attenuator needs.
+        let far = Pose::from_translation(self.x_wc.p + DVec3::X * 1e3);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "steps")]
+        let steps = (SETTLING_S / self.step_s) as u32;
+        for _ in 0..steps {
+            self.advance(&far, &Twist::default());
+            self.ring.v *= 1.0 - SETTLING_DAMPING;
+            self.ring.l *= 1.0 - SETTLING_DAMPING;
+        }
+        self.ring.v = DVec3::ZERO;
+        self.ring.l = DVec3::ZERO;
+        self.state.losses = EnergyLosses::default();
+        self.steps = 0;
+    }
+
+    /// Displacement of the ring from where it would be at rest without weight (m) and its rotation
+    /// vector (rad), in `e3`.
+    #[must_use]
+    pub fn ring_deflection(&self) -> (DVec3, DVec3) {
+        let x = (self.x_wc * self.system.ring_at_rest()).inverse() * self.ring_pose();
+        (x.p, x.q.to_scaled_axis())
+    }
+
+    fn ring_pose(&self) -> Pose {
+        if self.system.rigid() { self.x_wc * self.system.ring_at_rest() } else { self.ring.pose() }
+    }
+
+    fn bodies(&self, x_bp: &Pose) -> [Pose; 3] {
+        [self.x_wc, self.ring_pose(), *x_bp * self.x_pt]
+    }
+
+    fn twists(&self, x_bp: &Pose, twist: &Twist, target: DVec3) -> [Twist; 3] {
+        let ring = if self.system.rigid() {
+            Twist::default()
+        } else {
+            self.ring.twist(&self.system.mass()[RING])
+        };
+        let t = Twist { v: twist.v + twist.w.cross(target - x_bp.p), w: twist.w };
+        [Twist::default(), ring, t]
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 steps")]
+    fn time_s(&self) -> f64 {
+        self.steps as f64 * self.step_s
+    }
+
+    /// One step, the plate being at `x_bp` in its middle with velocity `twist` (of the origin of
+    /// `ep`, in `eb`). Returns the wrench on the plate about the origin of `ep`, in `eb`, and both
+    /// ports' wrenches in the middle of the step, the ring's weight at rest taken off.
+    pub fn advance(&mut self, x_bp: &Pose, twist: &Twist) -> (Wrench, Ports) {
+        let (h, rigid) = (self.step_s, self.system.rigid());
+        let mass = *self.system.mass();
+        if !rigid {
+            self.ring.drift(&mass[RING], 0.5 * h);
+        }
+        let poses = self.bodies(x_bp);
+        let com = poses.map(|x| x.p);
+        let measured = self.system.measure(&self.state, &poses);
+        let start = self.twists(x_bp, twist, com[TARGET]);
+        let mut external = [Wrench::ZERO; 3];
+        external[RING].f = self.gravity_m_s2 * mass[RING].mass();
+        let time_s = self.time_s() + 0.5 * h;
+        let ring = self.ring;
+        let kick = self.system.solve_kick(
+            &measured,
+            &self.state,
+            &com,
+            &start,
+            &external,
+            time_s,
+            h,
+            |i, w| match i {
+                RING if !rigid => ring.kick_response(&mass[RING], w, h),
+                _ => Twist::default(),
+            },
+        );
+        self.system.commit(&mut self.state, &measured, &com, &kick, time_s, h);
+        if !rigid {
+            self.ring.kick(&mass[RING], kick.wrench[RING], h);
+            self.ring.drift(&mass[RING], 0.5 * h);
+        }
+        self.steps += 1;
+        let on_plate = kick.wrench[TARGET].shifted(x_bp.p - com[TARGET]);
+        (on_plate, self.ports(&measured, &kick.forces))
+    }
+
+    /// Both ports' wrenches at the present instant, the plate being at `x_bp` with `twist`.
+    #[must_use]
+    pub fn now(&self, x_bp: &Pose, twist: &Twist) -> Ports {
+        let poses = self.bodies(x_bp);
+        let com = poses.map(|x| x.p);
+        let measured = self.system.measure(&self.state, &poses);
+        let twists = self.twists(x_bp, twist, com[TARGET]);
+        let forces =
+            self.system.forces(&measured, &self.state, &com, &twists, self.time_s(), self.step_s);
+        self.ports(&measured, &forces)
+    }
+
+    fn ports(&self, measured: &Measured, forces: &Forces) -> Ports {
+        let frames = measured.poses();
+        let about = frames.x_wr.p;
+        let on_rack = if self.system.rigid() {
+            -forces.on_target
+        } else {
+            // The ring's weight reaches the rack through the attenuator; in orbit it is not there.
+            let weight = self.gravity_m_s2 * self.system.mass()[RING].mass();
+            let at = self.bodies(&Pose::IDENTITY)[RING].p - about;
+            -forces.on_ring_from_attenuator + -Wrench::at(at, weight)
+        };
+        Ports {
+            port3: on_rack.shifted(frames.x_w3.p - about).rotated(frames.x_w3.q.conjugate()),
+            port4: forces
+                .on_target
+                .shifted(frames.x_w4.p - about)
+                .rotated(frames.x_w4.q.conjugate()),
+        }
+    }
+
+    /// Weight of the ring where it is, on the rack at the origin of `e3`, in `e3`.
+    #[must_use]
+    pub fn ring_weight(&self) -> Wrench {
+        if self.system.rigid() {
+            return Wrench::ZERO;
+        }
+        let x_w3 = self.x_wc * self.system.ports()[0];
+        let weight = self.gravity_m_s2 * self.system.mass()[RING].mass();
+        Wrench::at(self.ring.p - x_w3.p, weight).rotated(x_w3.q.conjugate())
+    }
+
+    /// Mounting plane of the passive side in the plate, `X_p4`.
+    #[must_use]
+    pub const fn passive_mount(&self) -> Pose {
+        self.x_p4
+    }
+
+    /// Adds all bits to a digest.
+    pub fn hash_into(&self, h: &mut StateHasher) {
+        h.vec3(self.ring.p);
+        h.quat(self.ring.q);
+        h.vec3(self.ring.v);
+        h.vec3(self.ring.l);
+        self.state.hash_into(h);
+        h.u64(self.steps);
+    }
+
+    /// The chaser's mass-centre frame that has `e3` on the rack, in `eb`.
+    #[must_use]
+    pub const fn chaser(&self) -> Pose {
+        self.x_wc
+    }
+}
+
+/// Time that the ring is given to find its rest, s.
+const SETTLING_S: f64 = 2.0;
+/// Part of the ring's momentum taken out in every step meanwhile.
+const SETTLING_DAMPING: f64 = 0.02;

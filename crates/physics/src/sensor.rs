@@ -1,0 +1,257 @@
+//! The six-axis force–torque sensors of the rig (§5), and what noise is made of.
+//!
+//! From the wrench on the sensor to its reading: delay, second-order lag, zero and drift, noise, dead
+//! zone, quantisation, saturation, in this order.
+
+use docktwin_core::{DVec3, StateHasher, Wrench};
+use docktwin_model::{DeadZoneLaw, ForceSensor};
+
+use crate::hydraulics::{Draws, SecondOrder};
+
+/// Most steps of delay that a sensor keeps: 5 ms at 0.1 ms and some.
+const KEPT: usize = 64;
+
+/// Normal draws of mean 0 and deviation 1 (Box–Muller), the same from machine to machine.
+#[derive(Clone, Debug)]
+pub struct Noise {
+    draws: Draws,
+    second: Option<f64>,
+}
+
+impl Noise {
+    /// `stream` keeps one source apart from another of the same seed.
+    #[must_use]
+    pub fn new(seed: u64, stream: u64) -> Self {
+        Self { draws: Draws::new(seed, stream), second: None }
+    }
+
+    /// The next.
+    pub fn normal(&mut self) -> f64 {
+        if let Some(x) = self.second.take() {
+            return x;
+        }
+        // (0, 1] for the logarithm.
+        let u = 0.5 * (1.0 - self.draws.uniform());
+        let angle = core::f64::consts::PI * self.draws.uniform();
+        let r = (-2.0 * u.max(f64::MIN_POSITIVE).ln()).sqrt();
+        let (s, c) = angle.sin_cos();
+        self.second = Some(r * s);
+        r * c
+    }
+}
+
+/// Rounds to whole steps of `quantum`; 0 leaves the value.
+#[must_use]
+pub fn quantised(x: f64, quantum: f64) -> f64 {
+    if quantum > 0.0 { (x / quantum).round() * quantum } else { x }
+}
+
+/// A sensor as built.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorParameters {
+    /// What the file says, the delay as drawn.
+    pub model: ForceSensor,
+    /// Zero before taring: force, N, and moment, N·m, about each axis.
+    pub zero: Wrench,
+}
+
+impl SensorParameters {
+    /// As the file says, with a perfect zero.
+    #[must_use]
+    pub const fn of_file(model: ForceSensor) -> Self {
+        Self { model, zero: Wrench::ZERO }
+    }
+
+    /// Drawn within the file's spread.
+    #[must_use]
+    pub fn drawn(model: ForceSensor, seed: u64, stream: u64) -> Self {
+        let mut draws = Draws::new(seed, stream);
+        let mut out = Self::of_file(model);
+        out.model.delay_s = (model.delay_s + model.delay_spread_s * draws.uniform()).max(0.0);
+        let mut zero =
+            |half: f64| DVec3::new(draws.uniform(), draws.uniform(), draws.uniform()) * half;
+        out.zero = Wrench { f: zero(model.zero_spread[0]), m: zero(model.zero_spread[1]) };
+        out
+    }
+}
+
+/// A sensor that runs.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    parameters: SensorParameters,
+    lag: SecondOrder,
+    step_s: f64,
+    /// Wrenches of the last steps; the one of step `n` stands at `n % KEPT`.
+    past: [Wrench; KEPT],
+    steps: u64,
+    /// Reading before everything that is added, and its rate.
+    value: Wrench,
+    rate: Wrench,
+    noise: Noise,
+}
+
+/// What a sensor says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Force, N, and moment, N·m, in the sensor's axes.
+    pub wrench: Wrench,
+    /// At the end of the range.
+    pub saturated: bool,
+}
+
+impl Sensor {
+    /// A sensor that has felt `wrench` for long. Steps of `step_s` seconds; a delay beyond 60 of
+    /// them is cut there.
+    #[must_use]
+    pub fn new(parameters: SensorParameters, step_s: f64, noise: Noise, wrench: Wrench) -> Self {
+        let m = &parameters.model;
+        Self {
+            lag: SecondOrder::new(m.natural_frequency_hz, m.damping_ratio, step_s),
+            parameters,
+            step_s,
+            past: [wrench; KEPT],
+            steps: KEPT as u64,
+            value: wrench,
+            rate: Wrench::ZERO,
+            noise,
+        }
+    }
+
+    /// One step under `wrench`, the mean over it.
+    pub fn step(&mut self, wrench: Wrench) {
+        self.past[(self.steps % KEPT as u64) as usize] = wrench;
+        self.steps += 1;
+        // Between two kept steps the wrench goes on straight.
+        let back = (self.parameters.model.delay_s / self.step_s).min((KEPT - 4) as f64);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 60")]
+        let whole = back as u64;
+        let part = back - back.floor();
+        let at = |n: u64| self.past[((self.steps - 1 - n) % KEPT as u64) as usize];
+        let (late, later) = (at(whole), at(whole + 1));
+        let mix = |a: DVec3, b: DVec3| a * (1.0 - part) + b * part;
+        let input = Wrench { f: mix(late.f, later.f), m: mix(late.m, later.m) };
+        for (y, r, u) in [
+            (&mut self.value.f, &mut self.rate.f, input.f),
+            (&mut self.value.m, &mut self.rate.m, input.m),
+        ] {
+            (*y, *r) = self.lag.step(*y, *r, u);
+        }
+    }
+
+    /// A sample now, `time_s` after the amplifier's reset.
+    pub fn read(&mut self, time_s: f64) -> Reading {
+        let p = self.parameters;
+        let mut saturated = false;
+        let mut part = |v: DVec3, zero: DVec3, i: usize| {
+            let m = &p.model;
+            let each = |x: f64, zero: f64, noise: f64| {
+                let x = x + zero + m.drift_per_s[i] * time_s + m.noise[i] * noise;
+                let x = match m.dead_zone_law {
+                    DeadZoneLaw::Zeroing if x.abs() < m.dead_zone[i] => 0.0,
+                    DeadZoneLaw::Zeroing => x,
+                    DeadZoneLaw::Subtractive => x - x.clamp(-m.dead_zone[i], m.dead_zone[i]),
+                };
+                quantised(x, m.quantum[i]).clamp(-m.range[i], m.range[i])
+            };
+            let noise = [self.noise.normal(), self.noise.normal(), self.noise.normal()];
+            let out = DVec3::new(
+                each(v.x, zero.x, noise[0]),
+                each(v.y, zero.y, noise[1]),
+                each(v.z, zero.z, noise[2]),
+            );
+            saturated |= out.abs().max_element() >= p.model.range[i];
+            out
+        };
+        let wrench =
+            Wrench { f: part(self.value.f, p.zero.f, 0), m: part(self.value.m, p.zero.m, 1) };
+        Reading { wrench, saturated }
+    }
+
+    /// Adds all bits to a digest.
+    pub fn hash_into(&self, h: &mut StateHasher) {
+        for w in [self.value, self.rate] {
+            h.vec3(w.f);
+            h.vec3(w.m);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FORCE: ForceSensor = ForceSensor {
+        natural_frequency_hz: 350.0,
+        damping_ratio: 0.7,
+        noise: [0.0; 2],
+        drift_per_s: [0.0; 2],
+        dead_zone: [0.0; 2],
+        dead_zone_law: DeadZoneLaw::Zeroing,
+        quantum: [0.0; 2],
+        range: [1e4, 1e3],
+        delay_s: 0.0,
+        delay_spread_s: 0.0,
+        zero_spread: [0.0; 2],
+    };
+    const H: f64 = 1.25e-4;
+
+    fn sensor(model: ForceSensor) -> Sensor {
+        Sensor::new(SensorParameters::of_file(model), H, Noise::new(1, 1), Wrench::ZERO)
+    }
+
+    fn force(x: f64) -> Wrench {
+        Wrench { f: DVec3::X * x, m: DVec3::ZERO }
+    }
+
+    /// A sine comes out with the gain and the lag of the second order, and later by the delay.
+    #[test]
+    fn oracle_a_sine_comes_out_as_of_a_second_order() {
+        for (hz, delay_s) in [(5.0, 0.0), (50.0, 0.0), (50.0, 3.3e-4)] {
+            let mut s = sensor(ForceSensor { delay_s, ..FORCE });
+            let w = core::f64::consts::TAU * hz;
+            let n = 8000;
+            let (mut re, mut im) = (0.0, 0.0);
+            for i in 0..2 * n {
+                let end = f64::from(i + 1) * H;
+                s.step(force((w * (end - 0.5 * H)).sin()));
+                if i >= n {
+                    let y = s.read(0.0).wrench.f.x;
+                    re += y * (w * end).sin() * 2.0 / f64::from(n);
+                    im += y * (w * end).cos() * 2.0 / f64::from(n);
+                }
+            }
+            let x = hz / 350.0;
+            let want = -f64::atan2(2.0 * 0.7 * x, 1.0 - x * x) - w * delay_s;
+            let gain = 1.0 / ((1.0 - x * x).powi(2) + (1.4 * x).powi(2)).sqrt();
+            assert!((f64::hypot(re, im) - gain).abs() < 2e-3, "{hz}: gain");
+            assert!((im.atan2(re) - want).abs() < w * 2e-6 + 1e-4, "{hz}: {}", im.atan2(re) - want);
+        }
+    }
+
+    #[test]
+    fn oracle_dead_zone_step_and_range() {
+        let settled = |model: ForceSensor, x: f64| {
+            let mut s = sensor(model);
+            (0..400).for_each(|_| s.step(force(x)));
+            s.read(0.0)
+        };
+        let zeroing = ForceSensor { dead_zone: [8.0, 1.0], quantum: [0.1, 0.1], ..FORCE };
+        assert!(settled(zeroing, 7.9).wrench.f.x.abs() < 1e-12);
+        assert!((settled(zeroing, 8.12).wrench.f.x - 8.1).abs() < 1e-9);
+        let subtractive = ForceSensor { dead_zone_law: DeadZoneLaw::Subtractive, ..zeroing };
+        assert!((settled(subtractive, -20.0).wrench.f.x + 12.0).abs() < 1e-9);
+        let over = settled(FORCE, 2e4);
+        assert!(over.saturated && (over.wrench.f.x - 1e4).abs() < 1e-9);
+        assert!(!settled(FORCE, 9e3).saturated);
+    }
+
+    #[test]
+    fn oracle_noise_has_its_deviation() {
+        let mut s = sensor(ForceSensor { noise: [0.3, 0.1], ..FORCE });
+        let n = 20_000;
+        let x: Vec<f64> = (0..n).map(|_| s.read(0.0).wrench.f.x).collect();
+        let mean = x.iter().sum::<f64>() / f64::from(n);
+        let square = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(n);
+        assert!(mean.abs() < 0.01 && (square.sqrt() - 0.3).abs() < 0.01);
+    }
+}
