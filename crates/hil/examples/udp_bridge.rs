@@ -38,9 +38,10 @@ const MEASUREMENT: u32 = 4;
 const HEADER: usize = 24;
 const LARGEST: usize = HEADER + RigMeasurement::WIRE_BYTES;
 
-/// Between two looks at the other clock.
+/// Between two looks at the other clock, and as long as there are too few.
 const PING_PERIOD: Duration = Duration::from_millis(50);
-/// Looks at the other clock of which the quickest counts.
+const FIRST_PING_PERIOD: Duration = Duration::from_millis(2);
+/// Looks at the other clock of which the quickest counts; before so many nothing is passed on.
 const LOOKS: usize = 16;
 /// How long the far end waits for the rig in lockstep.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(30);
@@ -144,9 +145,13 @@ impl ClockOffset {
         self.count += 1;
     }
 
-    /// Far clock less near clock, ns; nothing before the first look.
-    fn offset_ns(&self) -> Option<i64> {
-        self.looks[..self.count.min(LOOKS)].iter().min().map(|l| l.1)
+    fn is_known(&self) -> bool {
+        self.count >= LOOKS
+    }
+
+    /// Far clock less near clock, ns; 0 before the first look.
+    fn offset_ns(&self) -> i64 {
+        self.looks[..self.count.min(LOOKS)].iter().min().map_or(0, |l| l.1)
     }
 }
 
@@ -154,52 +159,79 @@ fn signed_now_ns() -> i64 {
     i64::try_from(monotonic_ns()).unwrap_or(i64::MAX)
 }
 
-/// The end beside the loop: a rig to it, until `stop` says so.
+/// The near end's wire, and what it knows of the other clock.
+struct NearEnd {
+    wire: Wire,
+    clocks: ClockOffset,
+    pinged: Option<Instant>,
+}
+
+impl NearEnd {
+    /// Looks at the other clock when it is time to.
+    fn ping(&mut self) -> Result<(), Failure> {
+        let period = if self.clocks.is_known() { PING_PERIOD } else { FIRST_PING_PERIOD };
+        if self.pinged.is_none_or(|p| p.elapsed() > period) {
+            self.pinged = Some(Instant::now());
+            self.wire.send(PING, 0, &signed_now_ns().to_le_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The next measurement, its stamp on the near clock; answers to pings are taken on the way.
+    fn receive(&mut self) -> Result<Option<RigMeasurement>, Failure> {
+        let mut buffer = [0; LARGEST + 1];
+        while let Some((header, body)) = self.wire.receive(&mut buffer)? {
+            match (header.kind, RigMeasurement::from_bytes(body), looked(body)) {
+                (MEASUREMENT, Ok(mut m), _) => {
+                    m.stamp_ns = m.stamp_ns.saturating_add_signed(-header.offset_ns);
+                    return Ok(Some(m));
+                }
+                (PONG, _, Some([t0, t1, t2])) => self.clocks.look([t0, t1, t2, signed_now_ns()]),
+                // What cannot be read is lost; the loop will say that it is missing.
+                _ => (),
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The three times of a pong.
+fn looked(body: &[u8]) -> Option<[i64; 3]> {
+    let at = |i: usize| -> Option<i64> {
+        Some(i64::from_le_bytes(body.get(8 * i..8 * i + 8)?.try_into().ok()?))
+    };
+    Some([at(0)?, at(1)?, at(2)?])
+}
+
+/// The end beside the loop: a rig to it, until `stop` says so. It is there for a loop as soon as the
+/// other end is, and the clocks are known.
 pub(crate) fn near(
     name: &str,
     socket: UdpSocket,
     mut stop: impl FnMut() -> bool,
 ) -> Result<(), Failure> {
     socket.set_nonblocking(true)?;
+    let clocks = ClockOffset::default();
+    let mut end = NearEnd { wire: Wire::new(socket), clocks, pinged: None };
+    while !end.clocks.is_known() && !stop() {
+        end.ping()?;
+        end.receive()?;
+        std::thread::sleep(Duration::from_micros(50));
+    }
     let port = RigPort::open(name)?;
-    let mut wire = Wire::new(socket);
-    let mut clocks = ClockOffset::default();
-    let mut buffer = [0; LARGEST + 1];
-    let mut pinged: Option<Instant> = None;
     while !stop() {
-        if pinged.is_none_or(|p| p.elapsed() > PING_PERIOD) {
-            pinged = Some(Instant::now());
-            wire.send(PING, 0, &signed_now_ns().to_le_bytes())?;
-        }
+        end.ping()?;
         let mut quiet = true;
         while let Some(command) = port.receive()? {
             quiet = false;
+            // In lockstep there is no clock but the loop's.
             let lockstep = command.flags & flag::LOCKSTEP != 0;
-            // In real time nothing can be said before the clocks are known: as if it were lost.
-            if let Some(offset_ns) = if lockstep { Some(0) } else { clocks.offset_ns() } {
-                wire.send(COMMAND, offset_ns, &command.to_bytes())?;
-            }
+            let offset_ns = if lockstep { 0 } else { end.clocks.offset_ns() };
+            end.wire.send(COMMAND, offset_ns, &command.to_bytes())?;
         }
-        while let Some((header, body)) = wire.receive(&mut buffer)? {
+        while let Some(m) = end.receive()? {
             quiet = false;
-            match header.kind {
-                MEASUREMENT => {
-                    // One that cannot be read is lost; the loop will say that it is missing.
-                    if let Ok(mut m) = RigMeasurement::from_bytes(body) {
-                        m.stamp_ns = m.stamp_ns.saturating_add_signed(-header.offset_ns);
-                        port.send(&m)?;
-                    }
-                }
-                PONG => {
-                    let at = |i: usize| -> Option<i64> {
-                        Some(i64::from_le_bytes(body.get(8 * i..8 * i + 8)?.try_into().ok()?))
-                    };
-                    if let (Some(t0), Some(t1), Some(t2)) = (at(0), at(1), at(2)) {
-                        clocks.look([t0, t1, t2, signed_now_ns()]);
-                    }
-                }
-                _ => (),
-            }
+            port.send(&m)?;
         }
         if quiet {
             port.wait(Duration::from_micros(50));
@@ -290,7 +322,7 @@ mod tests {
     #[test]
     fn oracle_the_quickest_exchange_gives_the_offset() {
         let mut clocks = ClockOffset::default();
-        assert_eq!(clocks.offset_ns(), None);
+        assert!(!clocks.is_known());
         let apart = 5_000_000_000;
         for (there, back) in [(900, 40), (50, 50), (40, 2000), (700, 600)] {
             let t0 = 1_000_000;
@@ -298,7 +330,7 @@ mod tests {
             let t2 = t1 + 30;
             clocks.look([t0, t1, t2, t2 - apart + back]);
         }
-        assert_eq!(clocks.offset_ns(), Some(apart));
+        assert_eq!(clocks.offset_ns(), apart);
     }
 
     #[test]
@@ -308,7 +340,8 @@ mod tests {
         for _ in 0..LOOKS {
             clocks.look([0, 150, 150, 100]);
         }
-        assert_eq!(clocks.offset_ns(), Some(100));
+        assert!(clocks.is_known());
+        assert_eq!(clocks.offset_ns(), 100);
     }
 
     #[test]
