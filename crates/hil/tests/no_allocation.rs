@@ -1,14 +1,21 @@
 //! What the loop calls in every tick never asks for memory.
 
+mod common;
+
 use std::{
     alloc::{GlobalAlloc, Layout, System as Heap},
     cell::Cell,
     hint::black_box,
 };
 
+use common::{MS, PATIENCE, Served, command, ideal, now, start, unique};
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     histogram::{LatencyHistogram, PhaseHistograms},
+    in_process::InProcess,
+    ipc::IpcRig,
+    port::RigMode,
+    rig::Rig,
 };
 
 thread_local! {
@@ -82,4 +89,40 @@ fn invariant_clocks_and_histograms_never_ask_for_memory() {
         black_box(lateness.latencies());
     });
     assert_eq!(asked, 0);
+}
+
+/// A session in lockstep, where the loop waits, and one in real time, where it does not.
+fn sessions(rig: &mut dyn Rig) {
+    for tick in 0..100 {
+        let mode = if tick == 0 { RigMode::Idle } else { RigMode::Track };
+        let c = command(1, tick, mode, start());
+        rig.send(&c).expect("sent");
+        let m = rig.receive(PATIENCE, c.loop_time_ns + c.period_ns).expect("judged good");
+        assert_eq!(m.map(|m| m.tick), Some(tick));
+    }
+    let mut heard = 0;
+    for tick in 0..100 {
+        let c = now(command(2, tick, RigMode::Idle, start()));
+        let _ = rig.send(&c);
+        std::thread::sleep(std::time::Duration::from_nanos(MS));
+        heard += u64::from(matches!(rig.receive(std::time::Duration::ZERO, u64::MAX), Ok(Some(_))));
+    }
+    assert!(heard > 0);
+}
+
+/// iceoryx2 0.10 takes a block of 48 bytes for every message that is sent, and gives it back at once;
+/// nothing else.
+#[test]
+fn regress_a_rig_in_another_process_costs_one_small_block_a_command() {
+    let name = unique("allocation");
+    let _served = Served::of(&name, ideal());
+    let mut rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
+    let commands = 200;
+    assert!(requests(|| sessions(&mut rig)) <= commands);
+}
+
+#[test]
+fn invariant_a_rig_in_process_never_asks_for_memory() {
+    let mut rig = InProcess::new(ideal());
+    assert_eq!(requests(|| sessions(&mut rig)), 0);
 }
