@@ -174,7 +174,10 @@ impl<'a> Prepared<'a> {
         let limits = &scenario.mechanism.limits;
         let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
         let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 30")]
+        let added_ticks = (hil.added_delay_s / tick_s).round() as usize;
         let setup = LoopSetup {
+            added_ticks,
             feedforward: believed.feedforward(),
             corrections: LegCorrections::default(),
             compensation,
