@@ -70,6 +70,8 @@ use crate::{
 
 /// Rig when neither scenario nor command line names one.
 const DEFAULT_RIG: &str = "models/urdf/stewart.urdf";
+/// Folder of a run directory that holds its rig.
+const RIG_FOLDER: &str = "models/rig";
 /// Fastest of the first move, m/s and rad/s.
 const MOVE_M_S: f64 = 0.1;
 const MOVE_RAD_S: f64 = 0.05;
@@ -252,6 +254,22 @@ impl<'a> Prepared<'a> {
         })
     }
 
+    /// Copies the rig's files into the run directory; gives the name of the URDF there.
+    fn keep_rig(&self, writer: &RunWriter) -> Result<String, Failure> {
+        let stem = self.rig_path.file_stem().unwrap_or_default();
+        let mut name = Path::new(RIG_FOLDER).join(stem);
+        for kind in ["toml", "urdf"] {
+            let from = self.rig_path.with_extension(kind);
+            let bytes = std::fs::read(&from).map_err(|e| Failure::Usage {
+                what: format!("the rig cannot be kept with the run: {e}: {}", from.display()),
+                remedy: "run it again when nothing else writes the file".to_owned(),
+            })?;
+            name.set_extension(kind);
+            writer.keep_file(&name, &bytes)?;
+        }
+        Ok(name.to_string_lossy().replace('\\', "/"))
+    }
+
     fn checks(&self, args: &HilArgs) -> Result<Vec<Check>, Failure> {
         let emulated = matches!(self.place, Where::InProcess);
         let mut out = vec![
@@ -368,6 +386,16 @@ impl<'a> Prepared<'a> {
     }
 }
 
+/// The scenario with its rig named.
+fn with_rig(scenario: &str, rig: &str) -> String {
+    let Ok(mut text) = scenario.parse::<toml_edit::DocumentMut>() else {
+        return scenario.to_owned();
+    };
+    let table = text.entry("loop").or_insert(toml_edit::table());
+    table["rig"] = toml_edit::value(rig);
+    text.to_string()
+}
+
 fn rig_path(args: &HilArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
     if let Some(path) = &args.model {
         return Ok(path.with_extension("urdf"));
@@ -388,7 +416,8 @@ fn compensation(
     believed_s: f64,
 ) -> Result<Compensation, Failure> {
     let hil = &scenario.hil;
-    let lead_s = args.lead_ms.map(|ms| ms * 1e-3).or(hil.lead_s).unwrap_or(believed_s);
+    let asked_s = args.lead_s.or(args.lead_ms.map(|ms| ms * 1e-3));
+    let lead_s = asked_s.or(hil.lead_s).unwrap_or(believed_s);
     let choice = args.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
     if !(0.0..=MOST_LEAD_S).contains(&lead_s) {
         return Err(Failure::Usage {
@@ -526,6 +555,92 @@ impl Hand {
     }
 }
 
+/// Digest of a tick: bodies, rig and control wrenches.
+fn digest_of(r: &TickRecord) -> Digest {
+    tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control)
+}
+
+/// What of a recorded tick a replay needs.
+#[derive(Clone, Copy)]
+pub(crate) struct RecordedTick {
+    /// Control wrenches.
+    pub(crate) control: Inputs,
+    /// [`Phase`] as a number.
+    pub(crate) phase: u64,
+    /// Of the tick.
+    pub(crate) digest: u64,
+}
+
+/// Runs a recorded loop again: the recorded control wrenches, the same emulated rig, a virtual clock.
+/// `recorded` gives the recorded ticks in their order; the first that differs is told as its number
+/// and both digests.
+///
+/// # Errors
+/// A run that does not repeat: in real time, or against a rig in another process.
+pub(crate) fn replay(
+    run: &Path,
+    metadata: &BTreeMap<String, String>,
+    mut recorded: impl FnMut() -> Result<Option<RecordedTick>, Failure>,
+) -> Result<Option<(u64, u64, u64)>, Failure> {
+    let of = |key: &str| metadata.get(key).map_or("", String::as_str);
+    if of("rig") != "emulated" || of("clock") != "virtual" {
+        return Err(Failure::Usage {
+            what: format!(
+                "a run against `{}` with the {} clock does not repeat bit by bit: {}",
+                of("rig"),
+                of("clock"),
+                run.display()
+            ),
+            remedy: "replay runs with --rig emulated and the virtual clock; `diff` compares others"
+                .to_owned(),
+        });
+    }
+    let damaged = |what: String| Failure::Usage {
+        what: format!("{what}: {}", run.display()),
+        remedy: "run.mcap and the models are not of one run, or damaged; use another copy"
+            .to_owned(),
+    };
+    let words = CompensatorChoice::WORDS;
+    let args = HilArgs {
+        compensator: words.into_iter().find(|(w, _)| *w == of("compensator")).map(|(_, c)| c),
+        lead_s: of("lead_s").parse().ok(),
+        seed: of("seed").parse().map_err(|_| damaged("no seed".to_owned()))?,
+        perturb: of("perturb").parse().ok(),
+        ..HilArgs::again(run.join("scenario.toml"))
+    };
+    let scenario = load_scenario(&args.scenario, &[])?;
+    let prepared = Prepared::new(&args, &scenario)?;
+    if of("digest:rig") != prepared.rig.digest.to_string() || of("preset") != prepared.preset.word()
+    {
+        return Err(damaged("the rig is not the one of the recording".to_owned()));
+    }
+    let rig = prepared.emulated(&args)?;
+    let checks = prepared.checks(&args)?;
+    let mut running = Loop::new(prepared.setup.clone(), rig, VirtualClock::new(1_000_000))
+        .arm(checks)
+        .map_err(|e| damaged(e.to_string()))?
+        .start();
+    let mut next = recorded()?;
+    let mut tick = 0;
+    while let Some(then) = next {
+        if then.phase == Phase::Stop as u64 && running.phase() == Phase::Closed {
+            running.end();
+        }
+        let r = running.tick(&then.control).map_err(|e| damaged(e.to_string()))?;
+        // The way to the initial condition is not recorded.
+        if r.closed_tick.is_none() && tick == 0 {
+            continue;
+        }
+        let now = digest_of(&r).short();
+        if now != then.digest {
+            return Ok(Some((tick, then.digest, now)));
+        }
+        tick += 1;
+        next = recorded()?;
+    }
+    Ok(None)
+}
+
 /// Time of a tick of the closed loop, s.
 fn seconds(closed_tick: u64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 ticks")]
@@ -562,12 +677,21 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
 ) -> (Ended, Recorder<'a>) {
     let mut broken = None;
     let mut closed = 0;
+    // A pilot wants to see what happens as it does; the ticks are those of the virtual clock.
+    let mut pace =
+        hand.stick.is_some().then(|| RealtimeClock::new(1_000_000, OverrunPolicy::CatchUp));
+    if let Some(pace) = &mut pace {
+        pace.start();
+    }
     while !running.finished() {
         let control = if running.phase() == Phase::Closed {
             hand.inputs(seconds(closed))
         } else {
             Inputs::default()
         };
+        if let Some(pace) = &mut pace {
+            pace.wait();
+        }
         match running.tick(&control) {
             Ok(r) => {
                 hand.look(&r);
@@ -703,7 +827,8 @@ impl<'a> Recorder<'a> {
         let writer =
             RunWriter::create(out, hil_columns(), names, &prepared.metadata(args), policy)?;
         models.write(&writer)?;
-        writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
+        let rig = prepared.keep_rig(&writer)?;
+        writer.scenario_toml(&with_rig(&models.refer(&scenario.as_run_toml()), &rig))?;
         let view = if args.no_rrd {
             None
         } else {
@@ -801,7 +926,7 @@ impl<'a> Recorder<'a> {
                 self.lost.get_or_insert(e);
             }
         }
-        let digest = tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control);
+        let digest = digest_of(r);
         if r.closed_tick.is_some() {
             self.run.chain(digest);
         }
