@@ -20,3 +20,4 @@ pub mod response;
 pub mod rig;
 pub mod safety;
 pub mod sensing;
+pub mod single_dof;

@@ -198,9 +198,7 @@ impl LinearRig {
     #[must_use]
     pub fn response(&self, hz: f64) -> Option<Matrix6<C>> {
         let i = &self.inputs;
-        let t = i.tuning.sample_s();
         let s = C::new(0.0, TAU * hz);
-        let z = (s * t).exp();
         let m = &i.believed_leg;
         let ahead = (s * i.tuning.valve_delay_s(m)).exp();
         // Targets for a unit motion of every degree of freedom.
@@ -209,16 +207,23 @@ impl LinearRig {
             + j * (s * m.oil.viscous_n_s_m);
         let leak = m.oil.leakage_m3_s_pa / (m.oil.area_m2 * m.oil.area_m2);
         let flow = (j * s + force * (s / m.oil.oil_spring_n_m() + leak)) * ahead;
-        let n = self.transition.nrows();
         let mut targets = DMatrix::<C>::zeros(3 * LEGS, LEGS);
         targets.view_mut((0, 0), (LEGS, LEGS)).copy_from(&j);
         targets.view_mut((LEGS, 0), (LEGS, LEGS)).copy_from(&flow);
         targets.view_mut((2 * LEGS, 0), (LEGS, LEGS)).copy_from(&force);
+        let legs = self.lengths(hz, targets)?;
+        let late = (-s * i.dead_time_s).exp();
+        Some(self.inverse_jacobian.map(|x| C::new(x, 0.0)) * legs * late)
+    }
+
+    /// Lengths of the legs at `hz` for columns of targets: lengths, flow speeds, forces of all legs, in
+    /// the sample in which the controllers take them.
+    pub(crate) fn lengths(&self, hz: f64, targets: DMatrix<C>) -> Option<Matrix6<C>> {
+        let z = C::new(0.0, TAU * hz * self.inputs.tuning.sample_s()).exp();
+        let n = self.transition.nrows();
         let system = DMatrix::<C>::from_diagonal(&DVector::from_element(n, z))
             - self.transition.map(|x| C::new(x, 0.0));
         let x = system.lu().solve(&(self.drive.map(|x| C::new(x, 0.0)) * targets))?;
-        let legs: Matrix6<C> = x.fixed_view::<LEGS, LEGS>(0, 0).into_owned();
-        let late = (-s * i.dead_time_s).exp();
-        Some(self.inverse_jacobian.map(|x| C::new(x, 0.0)) * legs * late)
+        Some(x.fixed_view::<LEGS, LEGS>(0, 0).into_owned())
     }
 }

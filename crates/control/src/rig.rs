@@ -117,17 +117,34 @@ impl RigSetup {
 
 /// Commands on their way.
 #[derive(Clone, Copy, Debug)]
-struct CommandPath {
-    kept: [RigCommand; KEPT],
+pub(crate) struct CommandPath<T> {
+    kept: [T; KEPT],
     /// Commands taken so far; the command of tick `n` stands at `n % KEPT`.
     taken: u64,
     dead_time_s: f64,
 }
 
-impl CommandPath {
+impl<T: Copy> CommandPath<T> {
+    /// A path that has carried `rest` for long.
+    ///
+    /// # Errors
+    /// A dead time out of range.
+    pub(crate) fn new(rest: T, dead_time_s: f64) -> Result<Self, SetupError> {
+        if !(0.0..=0.010).contains(&dead_time_s) {
+            return Err(SetupError::DeadTime { dead_time_s });
+        }
+        Ok(Self { kept: [rest; KEPT], taken: KEPT as u64, dead_time_s })
+    }
+
+    /// Takes the command of a tick.
+    pub(crate) fn take(&mut self, command: T) {
+        self.kept[(self.taken % KEPT as u64) as usize] = command;
+        self.taken += 1;
+    }
+
     /// The command in force at `time_s` after the last command was taken, its predecessor, and the
     /// time since it arrived.
-    fn at(&self, time_s: f64) -> (&RigCommand, &RigCommand, f64) {
+    pub(crate) fn at(&self, time_s: f64) -> (&T, &T, f64) {
         // Whole ticks that the newest command in force is older than the last one. Rounding must not
         // make a command that arrives now late.
         let late = ((self.dead_time_s - time_s) / TICK_S - 1e-9).ceil().max(0.0);
@@ -144,6 +161,31 @@ impl CommandPath {
     }
 }
 
+/// Samples of an inner loop of `rate_hz` in a tick.
+pub(crate) fn samples_per_tick(rate_hz: f64) -> Result<u32, SetupError> {
+    [1, 2, 4, 8]
+        .into_iter()
+        .find(|n| (rate_hz * TICK_S - f64::from(*n)).abs() < 1e-9)
+        .ok_or(SetupError::Rate { rate_hz })
+}
+
+impl LegCommand {
+    /// What the leg is to do `since_s` after this command arrived, `before` being the one before it:
+    /// length along its speed and acceleration, flow and force with the rate between both.
+    pub(crate) fn target(&self, before: &Self, since_s: f64, valve_delay_s: f64) -> LegTarget {
+        let rate = |x: f64, x0: f64| (x - x0) / TICK_S;
+        let acceleration = rate(self.speed_m_s, before.speed_m_s);
+        LegTarget {
+            length_m: self.length_m + since_s * (self.speed_m_s + 0.5 * since_s * acceleration),
+            flow_speed_m_s: self.flow_speed_m_s
+                + since_s * rate(self.flow_speed_m_s, before.flow_speed_m_s),
+            force_n: self.force_n + since_s * rate(self.force_n, before.force_n),
+            speed_m_s: self.speed_m_s + since_s * acceleration,
+            speed_ahead_m_s: self.speed_m_s + (since_s + valve_delay_s) * acceleration,
+        }
+    }
+}
+
 /// A rig that runs: plant, controllers and command path.
 #[derive(Clone, Debug)]
 pub struct ClosedRig<P = ReducedRig> {
@@ -155,7 +197,7 @@ pub struct ClosedRig<P = ReducedRig> {
     steps: u32,
     state: RigState,
     valves: [f64; 6],
-    path: CommandPath,
+    path: CommandPath<RigCommand>,
 }
 
 impl ClosedRig {
@@ -177,19 +219,11 @@ impl<P: RigPlant> ClosedRig<P> {
     /// # Errors
     /// See [`SetupError`].
     pub fn with_plant(mut plant: P, setup: &RigSetup, x_bp: &Pose) -> Result<Self, SetupError> {
-        let rate_hz = setup.tuning.rate_hz;
-        let samples = [1, 2, 4, 8]
-            .into_iter()
-            .find(|n| (rate_hz * TICK_S - f64::from(*n)).abs() < 1e-9)
-            .ok_or(SetupError::Rate { rate_hz })?;
+        let samples = samples_per_tick(setup.tuning.rate_hz)?;
         let step_s = plant.step_s();
         let steps = (TICK_S / f64::from(samples) / step_s).round();
         if steps < 1.0 || (steps * step_s * f64::from(samples) / TICK_S - 1.0).abs() > 1e-9 {
             return Err(SetupError::Step { step_s, period_s: TICK_S / f64::from(samples) });
-        }
-        let dead_time_s = setup.dead_time_s;
-        if !(0.0..=0.010).contains(&dead_time_s) {
-            return Err(SetupError::DeadTime { dead_time_s });
         }
         let state = plant.rest(x_bp, &Wrench::ZERO).map_err(|_| SetupError::Start)?;
         let mut legs = [LegCommand::default(); 6];
@@ -207,7 +241,7 @@ impl<P: RigPlant> ClosedRig<P> {
             steps: steps as u32,
             state,
             valves: [0.0; 6],
-            path: CommandPath { kept: [rest; KEPT], taken: KEPT as u64, dead_time_s },
+            path: CommandPath::new(rest, setup.dead_time_s)?,
         })
     }
 
@@ -233,8 +267,7 @@ impl<P: RigPlant> ClosedRig<P> {
         command: &RigCommand,
         mut external: impl FnMut(&Pose, &Twist) -> Wrench,
     ) -> Result<RigMeasurement, RigFault> {
-        self.path.kept[(self.path.taken % KEPT as u64) as usize] = *command;
-        self.path.taken += 1;
+        self.path.take(*command);
         let sample_s = TICK_S / f64::from(self.samples);
         for k in 0..self.samples {
             let (now, before, since) = self.path.at(f64::from(k) * sample_s);
@@ -242,17 +275,7 @@ impl<P: RigPlant> ClosedRig<P> {
             for (i, (controller, valve)) in
                 self.controllers.iter_mut().zip(&mut self.valves).enumerate()
             {
-                let (c, b) = (&now.legs[i], &before.legs[i]);
-                let rate = |x: f64, x0: f64| (x - x0) / TICK_S;
-                let acceleration = rate(c.speed_m_s, b.speed_m_s);
-                let target = LegTarget {
-                    length_m: c.length_m + since * (c.speed_m_s + 0.5 * since * acceleration),
-                    flow_speed_m_s: c.flow_speed_m_s
-                        + since * rate(c.flow_speed_m_s, b.flow_speed_m_s),
-                    force_n: c.force_n + since * rate(c.force_n, b.force_n),
-                    speed_m_s: c.speed_m_s + since * acceleration,
-                    speed_ahead_m_s: c.speed_m_s + (since + self.valve_delay_s) * acceleration,
-                };
+                let target = now.legs[i].target(&before.legs[i], since, self.valve_delay_s);
                 let measured =
                     LegMeasurement { length_m: lengths[i], pressure_pa: legs[i].pressure_pa };
                 *valve = controller.step(&target, &measured);

@@ -3,8 +3,8 @@
 
 mod bode;
 mod frequency;
-mod mechanism;
-mod plots;
+pub(crate) mod mechanism;
+pub(crate) mod plots;
 mod rig;
 mod stiffness;
 mod workspace;
@@ -31,7 +31,7 @@ pub(crate) fn run(command: &AnalyzeCommand, json: bool) -> Result<ExitCode, Fail
 }
 
 /// The directory of an analysis and what was written into it.
-struct Results {
+pub(crate) struct Results {
     directory: PathBuf,
     files: Vec<String>,
 }
@@ -39,7 +39,7 @@ struct Results {
 impl Results {
     /// Makes the directory, which must be new or empty: results are never overwritten. Without one it
     /// is named after what is analysed, and the time.
-    fn new(directory: Option<&Path>, name: &str) -> Result<Self, Failure> {
+    pub(crate) fn new(directory: Option<&Path>, name: &str) -> Result<Self, Failure> {
         let directory = directory.map_or_else(
             || {
                 let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
@@ -63,7 +63,7 @@ impl Results {
         self.directory.join(name)
     }
 
-    fn save(&mut self, name: String, text: &str) -> Result<(), Failure> {
+    pub(crate) fn save(&mut self, name: String, text: &str) -> Result<(), Failure> {
         let path = self.directory.join(&name);
         std::fs::write(&path, text).map_err(|e| unwritable(&path, &e))?;
         self.files.push(name);
@@ -71,7 +71,10 @@ impl Results {
     }
 
     /// Saves plots with their file names.
-    fn plots(&mut self, drawn: Result<Vec<(String, String)>, PlotError>) -> Result<(), Failure> {
+    pub(crate) fn plots(
+        &mut self,
+        drawn: Result<Vec<(String, String)>, PlotError>,
+    ) -> Result<(), Failure> {
         let drawn = drawn.map_err(|e| Failure::Usage {
             what: format!("a plot could not be drawn: {e}"),
             remedy: "check the sizes and stiffnesses in the file; the CSV files are written"
@@ -81,7 +84,7 @@ impl Results {
     }
 
     /// Saves the answer as JSON, and prints it, for a script or in words.
-    fn finish(
+    pub(crate) fn finish(
         mut self,
         name: &str,
         answer: &Value,

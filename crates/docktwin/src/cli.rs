@@ -39,6 +39,9 @@ pub(crate) enum Command {
     /// Rehearse a docking with the twin alone, as fast as possible
     #[command(after_help = REHEARSE)]
     Rehearse(RehearseArgs),
+    /// Close the loop around a rig, emulated or real, in virtual or in real time
+    #[command(after_help = HIL)]
+    Hil(HilArgs),
     /// Check the files of a model
     #[command(subcommand)]
     Model(ModelCommand),
@@ -125,6 +128,117 @@ pub(crate) struct RehearseArgs {
     pub(crate) pilot: PilotArgs,
 }
 
+const HIL: &str = "\
+The programme of both spacecraft answers the wrenches that the rig measures, 1000 times a second,
+and the rig shows the mechanisms how they would move. `emulated` runs an emulated rig in this
+process; `ipc:NAME` talks to another process (`docktwin rig emulate`, or a rig of your own written
+from docs/rig-protocol.md). With the virtual clock loop and rig wait for each other and a run
+repeats bit by bit; with the real-time clock the loop waits for nobody.
+
+A run: checklist and arming; a slow move to the beginning of the run-up, where sensors are tared;
+the run-up along the free flight to the initial condition; then the loop is closed. What is
+recorded begins there. A limit passed anywhere stops the rig (exit code 3, unless the scenario
+expects it). --dry-run goes there and back, slowly, without closing the loop.
+
+The run directory is that of `rehearse`, with columns of loop, legs and sensors beside it, and
+`loop`, `fidelity` (against the same docking without a rig) and `safety` in summary.json.
+
+Examples:
+  docktwin hil scenarios/apas_nominal.toml --rig emulated
+  docktwin hil scenarios/vibro_impact.toml --rig emulated --compensator none
+  docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --lead-ms 1.8 --out runs/p7
+  docktwin rig emulate models/urdf/stewart.toml --name lab &
+  docktwin hil scenarios/apas_nominal.toml --rig ipc:lab --clock realtime --live --yes";
+
+/// Options of `hil`.
+#[derive(Debug, Args)]
+pub(crate) struct HilArgs {
+    /// Scenario file
+    pub(crate) scenario: PathBuf,
+    /// The rig: `emulated` in this process, or `ipc:NAME` in another
+    #[arg(long, value_name = "emulated|ipc:NAME")]
+    pub(crate) rig: String,
+    /// What drives the ticks
+    #[arg(long, value_enum, default_value_t = ClockArg::Virtual)]
+    pub(crate) clock: ClockArg,
+    /// Against the delay of the rig [default: as the scenario says, or lead]
+    #[arg(long, value_parser = compensator, value_name = "none|lead")]
+    pub(crate) compensator: Option<docktwin_scenario::CompensatorChoice>,
+    /// Lead, ms [default: as the scenario says, or the delay that is believed]
+    #[arg(long, value_name = "MS", value_parser = not_negative)]
+    pub(crate) lead_ms: Option<f64>,
+    /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
+    #[arg(long, value_name = "RIG.toml")]
+    pub(crate) model: Option<PathBuf>,
+    /// Run directory; by default a new one under `runs`.
+    #[arg(long, value_name = "DIR", help = "Run directory [default: runs/<scenario>-<utc>]")]
+    pub(crate) out: Option<PathBuf>,
+    /// Override a key of the scenario, repeatable
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Draw the emulated rig within the spread of its file; the loop still believes the file
+    #[arg(long, value_name = "SEED")]
+    pub(crate) perturb: Option<u64>,
+    /// Do not write run.rrd
+    #[arg(long)]
+    pub(crate) no_rrd: bool,
+    /// Slowly to the initial condition and back, with an open gap
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
+    #[arg(long)]
+    pub(crate) yes: bool,
+    /// Run on what the machine grants when it does not grant a real-time loop; the verdict is then
+    /// `degraded`
+    #[arg(long)]
+    pub(crate) allow_best_effort: bool,
+    /// Core that the loop keeps to, in real time
+    #[arg(long, value_name = "N")]
+    pub(crate) core: Option<usize>,
+    /// Show it in a viewer while it happens
+    #[arg(
+        long,
+        value_name = "URL",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = docktwin_view::LIVE_URL
+    )]
+    pub(crate) live: Option<String>,
+    #[command(flatten)]
+    pub(crate) pilot: PilotArgs,
+}
+
+pub(crate) fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {
+    let words = docktwin_scenario::CompensatorChoice::WORDS;
+    words
+        .into_iter()
+        .find(|(w, _)| *w == text)
+        .map(|(_, c)| c)
+        .ok_or_else(|| "a compensator is `none` or `lead`".to_owned())
+}
+
+/// What drives the ticks of a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ClockArg {
+    /// As fast as it goes; a run repeats bit by bit
+    Virtual,
+    /// 1 kHz of the machine's clock
+    Realtime,
+}
+
+impl ClockArg {
+    /// Name as on the command line.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Virtual => "virtual",
+            Self::Realtime => "realtime",
+        }
+    }
+}
+
 /// A person at the controls.
 #[derive(Debug, Args)]
 pub(crate) struct PilotArgs {
@@ -148,7 +262,7 @@ pub(crate) struct PilotArgs {
     pub(crate) hold_s: f64,
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if (0.0..=1e9).contains(&x) => Ok(x),
         _ => Err("a number, not negative, is wanted".to_owned()),

@@ -17,6 +17,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
     let json = cli.common.json;
     match &cli.command {
         Command::Rehearse(args) => rehearse::run(args, json),
+        Command::Hil(args) => crate::hil::run(args, json),
         Command::Replay(args) => replay::run(args, json),
         Command::Diff(args) => crate::diff::run(args, json),
         Command::Export(args) => crate::export::run(args, json),

@@ -119,7 +119,7 @@ pub(crate) fn run(args: &DoctorArgs, json: bool) -> Result<ExitCode, Failure> {
     }
     let measured = measure(args.seconds)?;
     let cyclic = cyclictest(args.seconds, &measured.report);
-    let mut checks = vec![kernel()];
+    let mut checks = vec![kernel(), machine()];
     checks.extend(rights(&measured.report));
     checks.push(throttling());
     checks.extend(cores());
@@ -130,10 +130,10 @@ pub(crate) fn run(args: &DoctorArgs, json: bool) -> Result<ExitCode, Failure> {
     let best_effort = checks.iter().any(|c| c.state == State::Lacking);
     let code = if best_effort { OTHERWISE } else { 0 };
     if json {
-        println!("{}", as_json(&checks, &measured, cyclic, best_effort, code));
+        println!("{}", as_json(&checks, &measured, &cyclic, best_effort, code));
     } else {
         checks.iter().for_each(Check::print);
-        measured.print(cyclic);
+        measured.print(&cyclic);
         println!("{}", verdict(best_effort));
     }
     Ok(ExitCode::from(code))
@@ -141,7 +141,7 @@ pub(crate) fn run(args: &DoctorArgs, json: bool) -> Result<ExitCode, Failure> {
 
 fn verdict(best_effort: bool) -> &'static str {
     if best_effort {
-        "best effort only: what is lacking above would be refused without --allow-best-effort"
+        "best effort only: a loop is refused what is lacking above, and runs with --allow-best-effort"
     } else {
         "a loop can run in real time on this machine"
     }
@@ -155,7 +155,7 @@ fn micros(ns: u64) -> f64 {
 fn as_json(
     checks: &[Check],
     measured: &Measured,
-    cyclic: Option<u64>,
+    cyclic: &Result<u64, String>,
     best_effort: bool,
     code: u8,
 ) -> Value {
@@ -169,8 +169,8 @@ fn as_json(
         },
         "missed": measured.counts.missed,
         "histogram_us": measured.bars.iter().map(|(to, n)| json!([micros(*to), n])).collect::<Vec<_>>(),
-        "cyclictest_p99_us": cyclic.map(micros),
-        "p99_ratio": measured.ratio(cyclic),
+        "cyclictest_p99_us": cyclic.as_ref().ok().map(|ns| micros(*ns)),
+        "p99_ratio": cyclic.as_ref().ok().map(|ns| measured.ratio(*ns)),
         "verdict": if best_effort { "best_effort" } else { "real_time" },
         "exit_code": code,
     })
@@ -246,11 +246,11 @@ impl Measured {
     }
 
     /// Our p99 as a multiple of that of cyclictest.
-    fn ratio(&self, cyclic: Option<u64>) -> Option<f64> {
-        cyclic.map(|ns| micros(self.latencies.p99_ns) / micros(ns.max(1)))
+    fn ratio(&self, cyclic_ns: u64) -> f64 {
+        micros(self.latencies.p99_ns) / micros(cyclic_ns.max(1))
     }
 
-    fn print(&self, cyclic: Option<u64>) {
+    fn print(&self, cyclic: &Result<u64, String>) {
         println!("lateness of {} wake-ups at 1 kHz", self.latencies.n);
         let most = self.bars.iter().map(|(_, n)| *n).max().unwrap_or(1);
         for (edge, n) in &self.bars {
@@ -258,18 +258,22 @@ impl Measured {
             let marks = usize::try_from((n * 40).div_ceil(most)).unwrap_or(0);
             println!("  up to {:>7} µs  {n:>8}  {}", edge / 1000, "#".repeat(marks));
         }
-        match (cyclic, self.ratio(cyclic)) {
-            (Some(ns), Some(ratio)) => println!(
-                "cyclictest: p99 {:.0} µs (in whole µs); ours is {ratio:.2} times that",
-                micros(ns)
+        match cyclic {
+            Ok(ns) => println!(
+                "cyclictest: p99 {:.0} µs (in whole µs); ours is {:.2} times that",
+                micros(*ns),
+                self.ratio(*ns)
             ),
-            _ => println!("cyclictest is not there to compare with: sudo apt install rt-tests"),
+            Err(why) => println!("{why}"),
         }
     }
 }
 
-/// p99 of cyclictest's wake-ups, ns, with the rights that our loop got; `None` without it.
-fn cyclictest(seconds: u32, report: &RealtimeReport) -> Option<u64> {
+/// p99 of cyclictest's wake-ups, ns, with the rights that our loop got.
+///
+/// # Errors
+/// Why there is none, as a sentence.
+fn cyclictest(seconds: u32, report: &RealtimeReport) -> Result<u64, String> {
     let mut c = Command::new("cyclictest");
     c.args(["--quiet", "--threads=1", "--interval=1000", "--histogram=100000"]);
     c.arg(format!("--duration={seconds}"));
@@ -279,8 +283,14 @@ fn cyclictest(seconds: u32, report: &RealtimeReport) -> Option<u64> {
     if report.granted.contains(&Step::Memory) {
         c.arg("--mlockall");
     }
-    let said = c.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
-    p99_of_histogram(&String::from_utf8_lossy(&said.stdout))
+    let said = c.stdin(Stdio::null()).output().map_err(|e| {
+        format!("cyclictest, to compare with, cannot be started ({e}): sudo apt install rt-tests")
+    })?;
+    p99_of_histogram(&String::from_utf8_lossy(&said.stdout)).ok_or_else(|| {
+        let why = String::from_utf8_lossy(&said.stderr);
+        let why = why.lines().find(|l| !l.trim().is_empty()).unwrap_or("it says nothing");
+        format!("cyclictest, to compare with, does not measure: {why}")
+    })
 }
 
 /// From lines of "µs count"; everything else is a comment.
@@ -323,6 +333,22 @@ fn kernel() -> Check {
         "the kernel itself may hold the loop up, now and then by milliseconds",
         "Debian: sudo apt install linux-image-rt-amd64, Ubuntu: sudo pro enable realtime-kernel; \
          then start the machine anew",
+    )
+}
+
+fn machine() -> Check {
+    let name = "machine";
+    let flags = kernel_file("/proc/cpuinfo").unwrap_or_default();
+    if !flags.split_whitespace().any(|w| w == "hypervisor") {
+        return Check::good(name, "no other system between kernel and cores");
+    }
+    Check::short(
+        State::Doubtful,
+        name,
+        "a virtual machine",
+        "its host may take the cores away, now and then by milliseconds",
+        "for a rig of steel: run on the machine itself; otherwise pin its virtual cores on the host: \
+         virsh vcpupin …",
     )
 }
 
@@ -491,22 +517,37 @@ fn clock_source() -> Check {
     Check::short(State::Doubtful, name, format!("{now} (there are: {others})"), cost, remedy)
 }
 
-/// Where iceoryx2 keeps the memory that loop and rig share, and the names of its services.
-const SHARED: [&str; 2] = ["/dev/shm", "/tmp/iceoryx2"];
+/// Where iceoryx2 keeps the memory that loop and rig share and the names of its services, and what
+/// opens it.
+const SHARED: [(&str, &str); 2] = [
+    (
+        "/dev/shm",
+        "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm, in a container: docker run --ipc=host",
+    ),
+    (
+        "/tmp/iceoryx2",
+        "run loop and rig as one user; left by another one, with none of its programs running: sudo \
+         rm -r /tmp/iceoryx2",
+    ),
+];
 
 fn shared_memory() -> Check {
     let name = "shared memory";
-    let closed: Vec<String> = SHARED.iter().filter_map(|d| writable(Path::new(d)).err()).collect();
+    let closed: Vec<(String, &str)> = SHARED
+        .iter()
+        .filter_map(|(folder, remedy)| Some((writable(Path::new(folder)).err()?, *remedy)))
+        .collect();
     if closed.is_empty() {
-        return Check::good(name, format!("{} can be written", SHARED.join(" and ")));
+        let [(a, _), (b, _)] = SHARED;
+        return Check::good(name, format!("{a} and {b} can be written"));
     }
+    let (found, remedies): (Vec<String>, Vec<&str>) = closed.into_iter().unzip();
     Check::short(
         State::Lacking,
         name,
-        closed.join("; "),
+        found.join("; "),
         "no rig in another process can be reached (--rig ipc:NAME)",
-        "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm, in a container: docker run --ipc=host; \
-         left by another user: sudo chmod -R a+rwX /tmp/iceoryx2",
+        remedies.join("; "),
     )
 }
 

@@ -15,6 +15,8 @@ use miette::Diagnostic;
 
 /// Exit code of a run that ended otherwise than expected.
 pub(crate) const OTHERWISE: u8 = 1;
+/// Exit code of a run that the safety supervisor stopped, when that was not expected.
+pub(crate) const STOPPED: u8 = 3;
 /// Exit code of a defect of ours.
 pub(crate) const DEFECT: u8 = 70;
 /// Exit code of bad input.

@@ -1,10 +1,13 @@
 //! What the command line is put together from, for those who run dockings from Rust: from a scenario
 //! to bodies and control wrenches ([`setup`]), from a state to everything that is recorded of it
 //! ([`signals`]), from a recording to what the viewer shows ([`playback`]), the same while it happens
-//! ([`live`]), and a person at the controls ([`pilot`]).
+//! ([`live`]), a person at the controls ([`pilot`]), a run against a rig ([`telemetry`], [`fidelity`]).
 
+pub mod fidelity;
 pub mod live;
 pub mod pilot;
 pub mod playback;
+pub mod ring;
 pub mod setup;
 pub mod signals;
+pub mod telemetry;

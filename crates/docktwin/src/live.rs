@@ -6,8 +6,8 @@
 
 use std::{
     sync::{
-        Arc, Mutex,
-        atomic::{AtomicBool, AtomicU64, Ordering},
+        Arc,
+        atomic::{AtomicU64, Ordering},
         mpsc::{Receiver, SyncSender, sync_channel},
     },
     thread::JoinHandle,
@@ -21,6 +21,7 @@ use docktwin_view::{SceneWriter, ViewError};
 
 use crate::{
     playback::{Playback, PlaybackError, pair_names, scene_model},
+    ring::Ring,
     signals::MAX_CONTACTS,
 };
 
@@ -66,67 +67,22 @@ struct Slot {
     due: bool,
 }
 
-/// Places between one sender and one receiver. A place belongs to the receiver from the moment `head`
-/// passes it until `tail` does, to the sender otherwise: so no lock is ever contended, and the sender
-/// takes a fixed number of steps whatever the receiver does. A channel would not do: a receiver that
-/// is put aside in the middle of it lets the sender spin.
-struct Ring {
-    slots: Box<[Mutex<Slot>]>,
-    /// Ticks written.
-    head: AtomicU64,
-    /// Ticks read.
-    tail: AtomicU64,
-    closed: AtomicBool,
-}
+impl Slot {
+    fn put(&mut self, time: SimTime, row: &[Cell], contacts: &[ContactRow], due: bool) {
+        (self.time, self.due) = (time, due);
+        self.row.clear();
+        self.row.extend_from_slice(row);
+        self.contacts.clear();
+        self.contacts.extend_from_slice(contacts);
+    }
 
-impl Ring {
-    fn new(places: usize, columns: usize) -> Self {
-        let slot = || {
-            // Written once, so that the memory is there.
-            Mutex::new(Slot {
-                row: vec![Cell::from_bits(1); columns],
-                contacts: vec![ContactRow::default(); MAX_CONTACTS],
-                ..Slot::default()
-            })
-        };
+    /// With room for a row of so many columns, written once so that the memory is there.
+    fn new(columns: usize) -> Self {
         Self {
-            slots: (0..places).map(|_| slot()).collect(),
-            head: AtomicU64::new(0),
-            tail: AtomicU64::new(0),
-            closed: AtomicBool::new(false),
+            row: vec![Cell::from_bits(1); columns],
+            contacts: vec![ContactRow::default(); MAX_CONTACTS],
+            ..Self::default()
         }
-    }
-
-    fn slot(&self, number: u64) -> &Mutex<Slot> {
-        #[expect(clippy::cast_possible_truncation, reason = "below the number of places")]
-        let place = (number % self.slots.len() as u64) as usize;
-        &self.slots[place]
-    }
-
-    /// Writes the next place; false when there is none.
-    fn write(&self, fill: impl FnOnce(&mut Slot)) -> bool {
-        let head = self.head.load(Ordering::Relaxed);
-        if head - self.tail.load(Ordering::Acquire) >= self.slots.len() as u64 {
-            return false;
-        }
-        let Ok(mut slot) = self.slot(head).try_lock() else { return false };
-        fill(&mut slot);
-        drop(slot);
-        self.head.store(head + 1, Ordering::Release);
-        true
-    }
-
-    /// Reads the next place; `None` when there is nothing.
-    fn read<T>(&self, look: impl FnOnce(&Slot) -> T) -> Option<T> {
-        let tail = self.tail.load(Ordering::Relaxed);
-        if tail == self.head.load(Ordering::Acquire) {
-            return None;
-        }
-        let slot = self.slot(tail).try_lock().ok()?;
-        let out = look(&slot);
-        drop(slot);
-        self.tail.store(tail + 1, Ordering::Release);
-        Some(out)
     }
 }
 
@@ -156,7 +112,7 @@ impl LiveEvents {
 
 /// The sending end of a live stream.
 pub struct Live {
-    ring: Arc<Ring>,
+    ring: Arc<Ring<Slot>>,
     events: LiveEvents,
     thread: JoinHandle<Result<(), ViewError>>,
     sent: u64,
@@ -172,9 +128,9 @@ impl Live {
     /// No viewer answers, the columns lack what a scene is made of, or no thread can be started.
     pub fn start(url: &str, scenario: &Scenario, columns: &[Column]) -> Result<Self, LiveError> {
         let playback = Playback::new(scenario, columns)?;
-        let view = SceneWriter::live(url, &scene_model(scenario), &pair_names())
+        let view = SceneWriter::live(url, &scene_model(scenario), &pair_names(scenario))
             .map_err(PlaybackError::from)?;
-        let ring = Arc::new(Ring::new(TICKS, columns.len()));
+        let ring = Arc::new(Ring::new(TICKS, || Slot::new(columns.len())));
         let (events, told) = sync_channel(EVENTS);
         let shower = Shower { playback, view, ring: Arc::clone(&ring), told };
         let thread = std::thread::Builder::new()
@@ -188,14 +144,7 @@ impl Live {
     /// Hands one tick over, as [`Playback::show`] would take it. Neither waits nor allocates, as long
     /// as the row has the columns that were announced.
     pub fn tick(&mut self, time: SimTime, row: &[Cell], contacts: &[ContactRow], due: bool) {
-        let written = self.ring.write(|slot| {
-            slot.time = time;
-            slot.row.clear();
-            slot.row.extend_from_slice(row);
-            slot.contacts.clear();
-            slot.contacts.extend_from_slice(contacts);
-            slot.due = due;
-        });
+        let written = self.ring.write(|slot| slot.put(time, row, contacts, due));
         self.sent += u64::from(written);
         self.dropped += u64::from(!written);
     }
@@ -210,7 +159,7 @@ impl Live {
     /// of it. A viewer that does not take it is left alone.
     #[must_use]
     pub fn finish(self, patience: Duration) -> LiveReport {
-        self.ring.closed.store(true, Ordering::Release);
+        self.ring.close();
         let begin = Instant::now();
         while !self.thread.is_finished() && begin.elapsed() < patience {
             std::thread::sleep(IDLE);
@@ -228,7 +177,7 @@ impl Live {
 struct Shower {
     playback: Playback,
     view: SceneWriter,
-    ring: Arc<Ring>,
+    ring: Arc<Ring<Slot>>,
     told: Receiver<LiveEvent>,
 }
 
@@ -237,7 +186,9 @@ impl Shower {
         let mut pushed = Instant::now();
         loop {
             // Before the last look at the ring, or a tick written in between would be lost.
-            let closed = self.ring.closed.load(Ordering::Acquire);
+            let closed = self.ring.is_closed()
+                // The sender was dropped.
+                || Arc::strong_count(&self.ring) == 1;
             while let Ok(e) = self.told.try_recv() {
                 self.view.event(e.time, &e.kind, &e.text)?;
             }
@@ -264,55 +215,19 @@ impl Shower {
 mod tests {
     use super::*;
 
-    fn write(ring: &Ring, n: u64) -> bool {
-        ring.write(|s| {
-            s.time = SimTime::from_nanos(n);
-            s.row.clear();
-            s.row.extend_from_slice(&[Cell::from_bits(n), Cell::from_bits(!n)]);
-        })
-    }
-
-    fn read(ring: &Ring) -> Option<u64> {
-        ring.read(|s| {
-            assert_eq!(s.row, [s.time.nanos(), !s.time.nanos()].map(Cell::from_bits), "torn");
-            s.time.nanos()
-        })
-    }
-
     #[test]
-    fn oracle_a_full_ring_refuses_and_keeps_what_it_has() {
-        let ring = Ring::new(3, 2);
-        assert_eq!(read(&ring), None);
-        assert_eq!([1, 2, 3, 4].map(|n| write(&ring, n)), [true, true, true, false]);
-        assert_eq!(read(&ring), Some(1));
-        assert!(write(&ring, 5));
-        assert_eq!([2, 3, 5].map(Some), core::array::from_fn(|_| read(&ring)));
-        assert_eq!(read(&ring), None);
-    }
-
-    #[test]
-    fn invariant_what_arrives_is_whole_and_in_order_and_the_rest_is_counted() {
-        let ring = Arc::new(Ring::new(8, 2));
-        let reader = {
-            let ring = Arc::clone(&ring);
-            std::thread::spawn(move || {
-                let (mut n, mut last) = (0_u64, 0);
-                loop {
-                    let closed = ring.closed.load(Ordering::Acquire);
-                    match read(&ring) {
-                        Some(t) => {
-                            assert!(t > last, "{t} after {last}");
-                            (n, last) = (n + 1, t);
-                        }
-                        None if closed => return n,
-                        None => std::thread::yield_now(),
-                    }
-                }
-            })
-        };
-        let sent: u64 = (1..=100_000).map(|n| u64::from(write(&ring, n))).sum();
-        ring.closed.store(true, Ordering::Release);
-        assert_eq!(reader.join().expect("no panic"), sent);
-        assert!(sent >= 8);
+    fn invariant_places_are_used_again_and_never_grow() {
+        let ring = Ring::new(2, || Slot::new(40));
+        let (row, contacts) = ([Cell::default(); 40], [ContactRow::default(); MAX_CONTACTS]);
+        let mut places = Vec::new();
+        for _ in 0..10 {
+            assert!(ring.write(|s| s.put(SimTime::ZERO, &row, &contacts, true)));
+            let place = |s: &Slot| {
+                assert_eq!((s.row.len(), s.contacts.len()), (40, MAX_CONTACTS));
+                (s.row.as_ptr(), s.row.capacity(), s.contacts.as_ptr(), s.contacts.capacity())
+            };
+            places.push(ring.read(place).expect("just written"));
+        }
+        assert!(places.chunks(2).all(|p| p == &places[..2]), "{places:?}");
     }
 }

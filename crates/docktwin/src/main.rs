@@ -11,6 +11,7 @@ mod diff;
 mod doctor;
 mod export;
 mod failure;
+mod hil;
 mod models;
 mod recover;
 mod rehearse;

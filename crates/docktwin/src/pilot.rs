@@ -87,7 +87,7 @@ fn pack(axes: Axes) -> u64 {
             clippy::cast_sign_loss,
             reason = "between 1 and 1023"
         )]
-        let level = (a.clamp(-1.0, 1.0) * FULL).round() as i64 as u64 + 512;
+        let level = ((a.clamp(-1.0, 1.0) * FULL).round() + 512.0) as u64;
         word << 10 | level
     })
 }
@@ -305,9 +305,15 @@ fn read_keys(shared: &Shared, hold: Duration) {
     shared.keys.store(pack([0.0; 6]), Ordering::Relaxed);
 }
 
-/// A gamepad with two sticks and analogue triggers.
+/// A gamepad with two sticks and analogue triggers, as the kernel's gamepad convention names them.
 struct Gamepad {
     device: Device,
+    sticks: Sticks,
+}
+
+/// Where the sticks, triggers and shoulders of a gamepad stand.
+#[derive(Default)]
+struct Sticks {
     /// Lowest and highest value of an axis, by its code.
     ranges: Vec<(AbsoluteAxisCode, i32, i32)>,
     axes: Axes,
@@ -337,10 +343,23 @@ impl Gamepad {
             }
             let ranges =
                 device.get_absinfo().ok()?.map(|(a, i)| (a, i.minimum(), i.maximum())).collect();
-            Some(Self { device, ranges, axes: [0.0; 6], triggers: [0.0; 2], shoulders: [0.0; 2] })
+            Some(Self { device, sticks: Sticks { ranges, ..Sticks::default() } })
         })
     }
 
+    fn read(mut self, shared: &Shared) {
+        loop {
+            // One that was unplugged pushes no more.
+            let Ok(events) = self.device.fetch_events() else {
+                return shared.gamepad.store(pack([0.0; 6]), Ordering::Relaxed);
+            };
+            events.for_each(|e| self.sticks.take(e.destructure()));
+            shared.gamepad.store(pack(self.sticks.axes), Ordering::Relaxed);
+        }
+    }
+}
+
+impl Sticks {
     /// Takes an event in. Sticks forward and to the left are positive: +Z, +Y, +pitch, +yaw.
     fn take(&mut self, event: EventSummary) {
         match event {
@@ -369,19 +388,6 @@ impl Gamepad {
         self.axes[0] = self.triggers[1] - self.triggers[0];
         self.axes[3] = self.shoulders[1] - self.shoulders[0];
     }
-
-    fn read(mut self, shared: &Shared) {
-        loop {
-            // One that was unplugged pushes no more.
-            let Ok(events) = self.device.fetch_events().map(|e| e.collect::<Vec<_>>()) else {
-                return shared.gamepad.store(pack([0.0; 6]), Ordering::Relaxed);
-            };
-            for e in events {
-                self.take(e.destructure());
-            }
-            shared.gamepad.store(pack(self.axes), Ordering::Relaxed);
-        }
-    }
 }
 
 /// Starts to read the gamepad, if there is one, and gives its name. Its thread waits in the kernel and
@@ -399,6 +405,8 @@ fn start_gamepad(shared: &Arc<Shared>) -> Result<Option<String>, PilotError> {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::float_cmp, reason = "full and rest are exact")]
+
     use super::*;
 
     #[test]
@@ -446,6 +454,39 @@ mod tests {
         let c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
         assert_eq!(key(&c), Some(Key::End));
         assert_eq!(key(&KeyEvent::from(KeyCode::Char('q'))), Some(Key::End));
+    }
+
+    #[test]
+    fn oracle_a_gamepad_moves_the_axes_that_the_help_names() {
+        use evdev::{EventType, InputEvent};
+        let stick = |axis| (axis, -32768, 32767);
+        let mut pad = Sticks {
+            ranges: vec![
+                stick(AbsoluteAxisCode::ABS_X),
+                stick(AbsoluteAxisCode::ABS_Y),
+                stick(AbsoluteAxisCode::ABS_RX),
+                stick(AbsoluteAxisCode::ABS_RY),
+                (AbsoluteAxisCode::ABS_Z, 0, 255),
+                (AbsoluteAxisCode::ABS_RZ, 0, 255),
+            ],
+            ..Sticks::default()
+        };
+        let mut push = |kind: EventType, code: u16, value| {
+            pad.take(InputEvent::new(kind.0, code, value).destructure());
+            pad.axes.map(f64::round)
+        };
+        // The kernel counts to the right and down.
+        let (axis, key) = (EventType::ABSOLUTE, EventType::KEY);
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_X.0, -32768), [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_Y.0, 32767), [0.0, 1.0, -1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_RZ.0, 255)[0], 1.0);
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_Z.0, 255)[0], 0.0);
+        assert_eq!(push(key, evdev::KeyCode::BTN_TR.0, 1)[3], 1.0);
+        assert_eq!(push(key, evdev::KeyCode::BTN_TR.0, 0)[3], 0.0);
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_RY.0, -32768)[4], 1.0);
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_RX.0, 32767)[5], -1.0);
+        // An axis that the device did not announce.
+        assert_eq!(push(axis, AbsoluteAxisCode::ABS_HAT0X.0, 1)[5], -1.0);
     }
 
     #[test]

@@ -15,13 +15,13 @@ use docktwin_physics::{
     body::BodyState,
     contact::PAIRS,
     mechanism::{LatchPhase, System, pair_name},
-    outcome::{Judgement, Monitor, Outcome as Judged},
+    outcome::{Judgement, Monitor, Observation, Outcome as Judged},
     reduced::{DockingState, DockingTwin, Inputs, ReducedTwin},
 };
 use docktwin_record::{
     ContactRow, Event, Outcome, Policy, RunWriter, SUMMARY_SCHEMA, StepUs, Summary, Verdict,
 };
-use docktwin_scenario::{ExpectedOutcome, Measured, Scenario, load_scenario};
+use docktwin_scenario::{Expect, ExpectedOutcome, Measured, Scenario, load_scenario};
 use docktwin_twin::FullTwin;
 use docktwin_view::SceneWriter;
 use hdrhistogram::Histogram;
@@ -51,7 +51,7 @@ pub(crate) const CONTACT_GAP_S: f64 = 0.02;
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
 /// How long a viewer may take over what is left when the run has ended.
-const LIVE_PATIENCE: Duration = Duration::from_secs(10);
+const LIVE_PATIENCE: Duration = Duration::from_secs(5);
 /// Between two lines about the approach to a pilot, ns of simulated time.
 const PILOT_LINE_NS: u64 = 100_000_000;
 
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
         // A summary always serialises; a defect would show as an empty object.
         println!("{}", serde_json::to_value(&summary).unwrap_or_default());
     } else {
-        print(&summary, &scenario, &out);
+        print(&summary, &scenario.expect, &out);
     }
     Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
 }
@@ -326,7 +326,8 @@ impl Setup<'_> {
         if lost.is_none() {
             lost = writer.event(&outcome_event).err().map(Failure::from);
         }
-        let mut summary = run.summary(self, &state, &judgement, tick, time);
+        let mut summary =
+            run.summary(scenario, &scenario.expect, self.seed, &state, &judgement, tick, time);
         if let Some((mut v, _)) = view {
             v.event(time, &outcome_event.kind, &outcome_event.text)?;
             if let Err(e) = v.finish() {
@@ -337,6 +338,9 @@ impl Setup<'_> {
                 }
             }
         }
+        let wall_s = wall.elapsed().as_secs_f64();
+        summary.wall_s = wall_s;
+        summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
         if let Some(l) = live {
             l.events().event(time, &outcome_event.kind, &outcome_event.text);
             let report = l.finish(LIVE_PATIENCE);
@@ -344,9 +348,6 @@ impl Setup<'_> {
                 tell(&report);
             }
         }
-        let wall_s = wall.elapsed().as_secs_f64();
-        summary.wall_s = wall_s;
-        summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
         match writer.finish(&summary) {
             Ok(recording) => summary.recording = Some(recording),
             Err(e) => {
@@ -395,16 +396,16 @@ fn worst(so_far: f64, now: f64) -> f64 {
 }
 
 /// What is gathered along a run.
-struct Run {
-    monitor: Monitor,
-    events: Vec<Event>,
-    row: Vec<docktwin_record::Cell>,
-    contacts: Vec<ContactRow>,
+pub(crate) struct Run {
+    pub(crate) monitor: Monitor,
+    pub(crate) events: Vec<Event>,
+    pub(crate) row: Vec<docktwin_record::Cell>,
+    pub(crate) contacts: Vec<ContactRow>,
     pairs: [PairStory; PAIRS],
     latches: [LatchPhase; 3],
     captured: bool,
     thrust: [bool; 2],
-    frame_due: bool,
+    pub(crate) frame_due: bool,
     limit_told: bool,
     chain: StateHasher,
     histogram: Histogram<u64>,
@@ -420,7 +421,7 @@ struct Run {
 }
 
 impl Run {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let histogram = Histogram::new_with_bounds(1, 100_000_000_000, 3)
             .expect("1 ns to 100 s at three digits is a valid histogram");
         Self {
@@ -448,17 +449,17 @@ impl Run {
         }
     }
 
-    fn chain(&mut self, digest: docktwin_core::Digest) {
+    pub(crate) fn chain(&mut self, digest: docktwin_core::Digest) {
         self.chain.bytes(&digest.0);
     }
 
-    fn timing(&mut self, nanos: u128, steps: u32) {
+    pub(crate) fn timing(&mut self, nanos: u128, steps: u32) {
         let per_step = nanos / u128::from(steps.max(1));
         self.histogram.saturating_record(u64::try_from(per_step).unwrap_or(u64::MAX).max(1));
         self.steps += u64::from(steps);
     }
 
-    fn observe(
+    pub(crate) fn observe(
         &mut self,
         system: &System,
         now: &Instant<'_>,
@@ -466,8 +467,22 @@ impl Run {
         tick: Tick,
         time: SimTime,
     ) -> Result<(), Failure> {
+        let seen = now.observation(time.seconds());
+        self.observe_told(system, now, &seen, control, tick, time)
+    }
+
+    /// As [`Run::observe`], with what is judged given.
+    pub(crate) fn observe_told(
+        &mut self,
+        system: &System,
+        now: &Instant<'_>,
+        seen: &Observation,
+        control: &Inputs,
+        tick: Tick,
+        time: SimTime,
+    ) -> Result<(), Failure> {
         let t = time.seconds();
-        self.monitor.observe(system.mechanism(), &now.state.mechanism, &now.observation(t));
+        self.monitor.observe(system.mechanism(), &now.state.mechanism, seen);
         self.account(system, now);
         let mut tell = |kind: &str, text: String, body: serde_json::Value| {
             self.events.push(Event::new(tick, time, kind, text, body));
@@ -593,15 +608,16 @@ impl Run {
         }
     }
 
-    fn summary(
+    pub(crate) fn summary(
         &self,
-        setup: &Setup<'_>,
+        scenario: &Scenario,
+        expect: &Expect,
+        seed: u64,
         state: &DockingState,
         judgement: &Judgement,
         ticks: u64,
         time: SimTime,
     ) -> Summary {
-        let scenario = setup.scenario;
         let capture_s = state.mechanism.captured_s();
         let measured = Measured {
             outcome: match judgement.outcome {
@@ -619,7 +635,7 @@ impl Run {
             impulse_ns: state.impulse_ns,
             exit_speed_m_s: if capture_s.is_some() { None } else { self.exit_speed },
         };
-        let mut failures = scenario.expect.failures(&measured);
+        let mut failures = expect.failures(&measured);
         if self.energy_error > ENERGY_TOLERANCE {
             failures.push(format!(
                 "the energy account does not close: off by {:.3} % of the energy put in",
@@ -634,7 +650,7 @@ impl Run {
             schema_version: SUMMARY_SCHEMA,
             tool_version: env!("CARGO_PKG_VERSION").to_owned(),
             scenario: scenario.name.clone(),
-            seed: setup.seed,
+            seed,
             state_digest: self.chain.finish().to_string(),
             outcome: match judgement.outcome {
                 Judged::Captured => Outcome::Captured,
@@ -682,13 +698,13 @@ impl Run {
     }
 }
 
-fn print(s: &Summary, scenario: &Scenario, out: &Path) {
+pub(crate) fn print(s: &Summary, expect: &Expect, out: &Path) {
     let seconds = |t: Option<f64>| t.map_or("–".to_owned(), |t| format!("{t:.3} s"));
     println!("{}: {} ({})", s.scenario, s.outcome, s.verdict);
     if let Some(reason) = &s.failure_reason {
         println!("  because        {reason}");
     }
-    println!("  expected       {}", scenario.expect.outcome);
+    println!("  expected       {}", expect.outcome);
     println!("  first contact  {}", seconds(s.first_contact_s));
     println!("  capture        {}", seconds(s.capture_s));
     let latches: Vec<String> = s.latches_s.iter().map(|t| seconds(*t)).collect();

@@ -69,16 +69,27 @@ pub fn start(scenario: &Scenario) -> Result<(System, [BodyState; 3]), StartOverl
 /// Control wrenches of a tick that starts at `time_s`.
 #[must_use]
 pub fn inputs(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> Inputs {
+    inputs_after(thrusts, state.first_contact_s, state.mechanism.captured_s(), time_s)
+}
+
+/// Control wrenches of a tick that starts at `time_s`, given the times of first contact and capture.
+#[must_use]
+pub fn inputs_after(
+    thrusts: &[Thrust],
+    first_contact_s: Option<f64>,
+    captured_s: Option<f64>,
+    time_s: f64,
+) -> Inputs {
     let mut out = Inputs::default();
     for t in thrusts {
         let from = match t.after {
             Trigger::Start => Some(0.0),
-            Trigger::FirstContact => state.first_contact_s,
-            Trigger::Capture => state.mechanism.captured_s(),
+            Trigger::FirstContact => first_contact_s,
+            Trigger::Capture => captured_s,
         };
         let Some(from) = from else { continue };
         let since = time_s - from - t.delay_s;
-        let captured = t.until_capture && state.mechanism.captured_s().is_some();
+        let captured = t.until_capture && captured_s.is_some();
         if since < 0.0 || since >= t.duration_s || captured {
             continue;
         }

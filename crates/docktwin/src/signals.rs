@@ -124,7 +124,7 @@ impl<'a> Instant<'a> {
     }
 }
 
-const XYZ: [&str; 3] = ["x", "y", "z"];
+pub(crate) const XYZ: [&str; 3] = ["x", "y", "z"];
 
 /// Columns of the recording, in the order of [`row`].
 #[must_use]

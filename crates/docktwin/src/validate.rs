@@ -1,9 +1,12 @@
 //! `validate`: docktwin held against something else. `crosscheck`: the same scenario in MuJoCo, by the
-//! Python side under `validation/`, which shares no code with this one.
+//! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
+//! simulation against the simulated system.
 
 mod comparison;
 mod plots;
 mod second;
+mod single_dof;
+mod vibro;
 
 use std::{
     path::{Path, PathBuf},
@@ -34,6 +37,12 @@ pub(crate) enum ValidateCommand {
     /// Run a scenario in MuJoCo too and compare
     #[command(after_help = CROSSCHECK)]
     Crosscheck(CrosscheckArgs),
+    /// Run the single-DOF HIL simulation of the paper (Fig. 23 to 26) against the simulated system
+    #[command(after_help = single_dof::EXAMPLES)]
+    SingleDof(single_dof::SingleDofArgs),
+    /// Run Table 4 of the paper, a spring stick between two stops, through the whole loop
+    #[command(after_help = vibro::EXAMPLES)]
+    VibroImpact(vibro::VibroArgs),
 }
 
 const CROSSCHECK: &str = "\
@@ -92,8 +101,11 @@ fn step_ms(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub(crate) fn run(command: &ValidateCommand, json: bool) -> Result<ExitCode, Failure> {
-    let ValidateCommand::Crosscheck(args) = command;
-    crosscheck(args, json)
+    match command {
+        ValidateCommand::Crosscheck(args) => crosscheck(args, json),
+        ValidateCommand::SingleDof(args) => single_dof::run(args, json),
+        ValidateCommand::VibroImpact(args) => vibro::run(args, json),
+    }
 }
 
 fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {

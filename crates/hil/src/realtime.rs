@@ -215,10 +215,12 @@ impl RealtimeSetup {
 /// Gives priority and locked memory back, when the loop has ended and files are to be written.
 pub fn relax() {
     let none = libc::sched_param { sched_priority: 0 };
+    // To take the flag back would need a right that this process may not have.
+    let policy = libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK;
     // SAFETY: `none` lives through the call, 0 is the calling thread; neither call touches memory of
     // ours. Giving back needs no right and cannot fail.
     unsafe {
-        libc::sched_setscheduler(0, libc::SCHED_OTHER, &raw const none);
+        libc::sched_setscheduler(0, policy, &raw const none);
         libc::munlockall();
     }
 }

@@ -246,6 +246,8 @@ pub struct Stopped {
 
 /// Commanded motions kept.
 const PAST: usize = 32;
+/// Time over which the measured wrenches come in after closing, s.
+const CLOSING_S: f64 = 0.02;
 /// Time given to come to rest after the end of a run, s.
 const REST_S: f64 = 0.3;
 
@@ -625,7 +627,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         let mut command = self.command(&motion, w.due_ns);
         timed(3);
 
-        let trip = self.judge(&ports, &x_34);
+        let tared = phase as u8 >= Phase::RunUp as u8;
+        let trip = self.judge(&ports, &x_34, tared);
         if trip.is_some() {
             self.enter_stop();
         }
@@ -766,9 +769,14 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
                 s.plan.run_up.at(s.plan.run_up.duration_s - left_s)
             }
             Phase::Closed => {
+                // The loop is closed in free flight: what is measured then is noise and what the tare
+                // left, and comes in gradually.
+                #[expect(clippy::cast_precision_loss, reason = "ticks far below 2^53")]
+                let share = (s.closed as f64 * t / CLOSING_S).min(1.0);
+                let part = |w: &Wrench| Wrench { f: w.f * share, m: w.m * share };
                 s.closed += 1;
                 next = (s.closed >= self.setup.ticks).then_some(Phase::Stop);
-                s.bodies.tick(&ports.port3, &ports.port4, control)
+                s.bodies.tick(&part(&ports.port3), &part(&ports.port4), control)
             }
             // The rig brakes by itself.
             Phase::Stop => RelativeMotion {
@@ -815,7 +823,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         out
     }
 
-    fn judge(&mut self, ports: &Ports, x_34: &Pose) -> Option<Trip> {
+    fn judge(&mut self, ports: &Ports, x_34: &Pose, tared: bool) -> Option<Trip> {
         let s = &self.state;
         let m = &s.last;
         let rig = &self.setup.rig;
@@ -838,7 +846,6 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             let (a, b) = (a.length(), b.length());
             if a > b || a.is_nan() { a } else { b }
         };
-        let tared = s.phase as u8 >= Phase::RunUp as u8;
         let watched = Watched {
             stroke_margin_m: least(&self.platform.stroke_margins_m(&m.leg_length_m)),
             leg_speed_m_s: largest(&m.leg_speed_m_s),
@@ -875,6 +882,11 @@ impl<R: Rig, K: Clock> Loop<R, K, Stopped> {
     /// How it ended.
     pub const fn end(&self) -> &Stopped {
         &self.state
+    }
+
+    /// How it ended, alone; the rig is let go.
+    pub fn into_end(self) -> Stopped {
+        self.state
     }
 
     /// Makes the loop idle again, for another run with a session of its own.

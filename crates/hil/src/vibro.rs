@@ -1,14 +1,30 @@
 //! The validation test of the paper, §7.4: a spring stick between two stops, run through the body
 //! programme in six degrees of freedom and the whole loop, and what Table 4 asks of it.
 
+use core::time::Duration;
+
+use docktwin_control::{
+    compensator::Compensation,
+    rig::RigSetup,
+    safety::{SafetyLimits, Trip},
+    sensing::SensorScheme,
+};
 use docktwin_core::{DMat3, DVec3, Pose};
-use docktwin_model::{DockingMechanism, Spacecraft};
+use docktwin_model::{DockingMechanism, HydraulicPreset, Rig as RigModel, Spacecraft};
 use docktwin_physics::{
     body::BodyState,
     mechanism::{CHASER, RING, System, TARGET},
+    mounted::Payload,
+    programme::Programme,
+    reduced::Inputs,
 };
 
-use crate::{port::status, scheduler::TickRecord};
+use crate::{
+    clock::Clock,
+    port::status,
+    rig::{Rig, RigError},
+    scheduler::{Approach, Idle, LegCorrections, Loop, LoopSetup, TickRecord},
+};
 
 /// One row of Table 4, or the one at 5 Hz that the paper does not have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -316,6 +332,120 @@ impl VibroTest {
         let whole = (t1 - t0) / (1.0 - 2.0 * part);
         Some((t0 - part * whole, whole))
     }
+}
+
+/// Period of the loop, ns.
+pub const PERIOD_NS: u64 = 1_000_000;
+
+/// How a test is run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VibroSettings {
+    /// Oil of the rig that the loop believes in.
+    pub preset: HydraulicPreset,
+    /// Against the delay.
+    pub compensation: Compensation,
+    /// Where F4, M4 come from.
+    pub scheme: SensorScheme,
+    /// Contacts to run through, at least 1.
+    pub contacts: u32,
+    /// Number of the run at the port.
+    pub session: u64,
+    /// How long to wait for a measurement.
+    pub patience: Duration,
+}
+
+/// Delay of the rig that its file lets one believe, s: from the instant a command is for to the plate
+/// ([`LoopSetup::interface_delay_s`]), and from the force to its reading.
+#[must_use]
+pub fn believed_delays_s(rig: &RigModel) -> [f64; 2] {
+    #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
+    let tick_s = PERIOD_NS as f64 * 1e-9;
+    let sensor = rig.sensors.map_or(0.0, |s| {
+        let f = s.force;
+        let rate = core::f64::consts::TAU * f.natural_frequency_hz;
+        f.delay_s + 2.0 * f.damping_ratio / rate
+    });
+    [rig.valve.dead_time_s - tick_s, sensor]
+}
+
+/// What a run came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VibroRun {
+    /// The closed loop, tick by tick.
+    pub samples: Vec<Sample>,
+    /// The contacts that began and ended in it.
+    pub contacts: Vec<Contact>,
+    /// The limit that ended it, if one did.
+    pub trip: Option<Trip>,
+}
+
+impl VibroTest {
+    /// The loop of this test.
+    #[must_use]
+    pub fn setup(&self, rig: &RigModel, s: &VibroSettings) -> LoopSetup {
+        #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
+        let tick_s = PERIOD_NS as f64 * 1e-9;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
+        let ticks = (self.duration_s(s.contacts) / tick_s) as u64;
+        LoopSetup {
+            feedforward: RigSetup::of_rig(rig, s.preset, None).feedforward(),
+            corrections: LegCorrections::default(),
+            bodies: Programme::new(&self.system, &self.bodies, tick_s),
+            compensation: s.compensation,
+            scheme: s.scheme,
+            payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+            interface_delay_s: believed_delays_s(rig)[0],
+            limits: SafetyLimits::of_rig(rig, LOAD_LIMIT, LOAD_LIMIT),
+            approach: Approach {
+                speed_m_s: 0.05,
+                rate_rad_s: 0.05,
+                settle_s: 0.6,
+                run_up_s: self.run_up_s(),
+            },
+            ticks,
+            session: s.session,
+            patience: s.patience,
+            dry_run: false,
+            rig: rig.clone(),
+        }
+    }
+
+    /// Arms a loop made of [`VibroTest::setup`] and runs it to its end; `look` sees every tick.
+    ///
+    /// # Errors
+    /// The loop is not armed, or the rig does not answer any more.
+    pub fn run<R: Rig, K: Clock>(
+        &self,
+        idle: Loop<R, K, Idle>,
+        mut look: impl FnMut(&TickRecord),
+    ) -> Result<VibroRun, VibroError> {
+        let mut running = idle.arm(Vec::new())?.start();
+        let mut samples = Vec::new();
+        while !running.finished() {
+            let r = running.tick(&Inputs::default())?;
+            look(&r);
+            if let Some(k) = r.closed_tick {
+                #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 ticks")]
+                samples.push(self.sample(&r, (k * PERIOD_NS) as f64 * 1e-9));
+            }
+        }
+        let trip = running.stop().end().trip;
+        Ok(VibroRun { contacts: self.judge(&samples), samples, trip })
+    }
+}
+
+/// Load at which the supervisor stops a test, N and N·m: the rod is bent for good at 340 N.
+const LOAD_LIMIT: f64 = 2000.0;
+
+/// Why a test was not run to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum VibroError {
+    /// Not armed.
+    #[error(transparent)]
+    Arm(#[from] crate::scheduler::ArmError),
+    /// The rig does not answer.
+    #[error(transparent)]
+    Rig(#[from] RigError),
 }
 
 /// One tick of the axis that is judged; rotations at the lever.

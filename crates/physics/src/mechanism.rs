@@ -110,6 +110,8 @@ pub struct MechanismState {
     /// The three latches.
     pub latches: [LatchState; 3],
     joint: Option<Joint>,
+    /// Capture as a mechanism of steel tells it.
+    told_s: Option<f64>,
     /// Energy lost so far.
     pub losses: EnergyLosses,
 }
@@ -118,7 +120,14 @@ impl MechanismState {
     /// Time of capture, s.
     #[must_use]
     pub fn captured_s(&self) -> Option<f64> {
-        self.joint.map(|j| j.since_s)
+        self.joint.map(|j| j.since_s).or(self.told_s)
+    }
+
+    /// What sensors of a mechanism on the rig tell: its latches, and when its rings were joined. For
+    /// looking at, not for stepping: the forces of the joint are the rig's.
+    #[must_use]
+    pub fn told(latches: [LatchState; 3], captured_s: Option<f64>) -> Self {
+        Self { latches, told_s: captured_s, ..Self::default() }
     }
 
     /// Slip of the longitudinal brake, m.

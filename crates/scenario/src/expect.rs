@@ -66,6 +66,8 @@ pub struct Bound {
 pub struct Expect {
     /// How the run must end.
     pub outcome: ExpectedOutcome,
+    /// How a run against a rig must end, where that is something else.
+    pub hil_outcome: Option<ExpectedOutcome>,
     /// Why physics gives this.
     pub because: String,
     /// Time of first contact, s.
@@ -106,6 +108,24 @@ pub struct Measured {
 }
 
 impl Expect {
+    /// What is expected of a run against a rig: the same, or the other outcome without bounds.
+    #[must_use]
+    pub fn of_hil(&self) -> Self {
+        let Some(outcome) = self.hil_outcome else { return self.clone() };
+        let any = Bound::default();
+        Self {
+            outcome,
+            first_contact_s: any,
+            capture_s: any,
+            peak_force_n: any,
+            peak_moment_nm: any,
+            peak_penetration_m: any,
+            impulse_ns: any,
+            exit_speed_m_s: any,
+            ..self.clone()
+        }
+    }
+
     /// What the run did not meet, one line each; empty means that it passed.
     #[must_use]
     pub fn failures(&self, run: &Measured) -> Vec<String> {

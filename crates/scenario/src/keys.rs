@@ -22,6 +22,8 @@ pub(crate) enum Shape {
     Text,
     /// A file that must be there.
     Path,
+    /// A file that may be absent.
+    MaybePath,
     /// One of a few words; whether it must be there.
     Words(&'static [&'static str], bool),
     /// True or false, with its default.
@@ -198,6 +200,46 @@ pub(crate) const KEYS: &[Key] = &[
         Shape::Flag(false),
         "Ends the run as soon as the outcome cannot change any more.",
     ),
+    key(
+        "loop.rig",
+        Shape::MaybePath,
+        "URDF of the rig that `hil` runs on, a TOML of the same name beside it; without it \
+         models/urdf/stewart.urdf. Looked for from the folder of the scenario upward.",
+    ),
+    key(
+        "loop.preset",
+        Shape::Words(&["printed", "consistent", "stiff"], false),
+        "Oil volume of the rig's legs; without it the default of the rig's file.",
+    ),
+    key(
+        "loop.compensator",
+        Shape::Words(&["none", "lead"], false),
+        "What is done against the delay of the rig; without it `lead`.",
+    ),
+    key(
+        "loop.lead_s",
+        Shape::Maybe(Range::within(0.0, 0.1)),
+        "Lead of the compensator; without it the delay that is believed or was identified. More \
+         takes energy out of every contact, less leaves energy in.",
+    ),
+    key(
+        "loop.sensors",
+        Shape::Words(&["single", "two"], false),
+        "Whether F4, M4 come from the rack's sensor by (12), (13), or from a sensor of their own on \
+         the plate; without it `single`.",
+    ),
+    key(
+        "loop.force_limit_n",
+        Shape::Maybe(LOAD),
+        "Force at a port beyond which the supervisor stops the rig; without it 1.2 times the \
+         mechanism's largest.",
+    ),
+    key(
+        "loop.moment_limit_nm",
+        Shape::Maybe(LOAD),
+        "Moment at a port beyond which the supervisor stops the rig; without it 1.2 times the \
+         mechanism's largest.",
+    ),
     key("thrust.on", Shape::Words(&["chaser", "target"], true), "The body that is pushed."),
     key(
         "thrust.after",
@@ -214,6 +256,12 @@ pub(crate) const KEYS: &[Key] = &[
     key("thrust.moment_z_nm", Shape::Default(ANY, 0.0), "Moment, body axis Z."),
     key("thrust.until_capture", Shape::Flag(false), "Ends the thrust at capture."),
     key("expect.outcome", Shape::Words(OUTCOMES, true), "How the run must end to pass."),
+    key(
+        "expect.hil_outcome",
+        Shape::Words(OUTCOMES, false),
+        "How `hil` must end to pass, where that is not `outcome`; the other bounds then count for \
+         `rehearse` alone.",
+    ),
     key("expect.because", Shape::Text, "Why physics gives this outcome."),
     key("expect.first_contact_after_s", Shape::Maybe(TIME), "First contact not before this time."),
     key("expect.first_contact_before_s", Shape::Maybe(TIME), "First contact before this time."),
@@ -381,6 +429,7 @@ fn allowed(k: &Key) -> String {
         Shape::Count(lo, hi) => format!("whole number, {lo} to {hi}; optional"),
         Shape::Text => "text; required".into(),
         Shape::Path => "path of a file; required".into(),
+        Shape::MaybePath => "path of a file; optional".into(),
         Shape::Words(w, true) => format!("{}; required", words(w)),
         Shape::Words(w, false) => format!("{}; optional", words(w)),
         Shape::Flag(d) => format!("true | false; default {d}"),

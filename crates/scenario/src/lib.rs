@@ -12,8 +12,8 @@ mod overrides;
 pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
 pub use keys::{Explained, UnknownKey, explain, explained};
 pub use load::{
-    Body, InitialConditions, RunSettings, Scenario, ScenarioErrors, Thrust, Trigger, load_scenario,
-    resolve_path,
+    Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
+    Thrust, Trigger, load_scenario, resolve_path,
 };
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use docktwin_core::{DVec3, Digest, Euler};
 use docktwin_model::input;
 use docktwin_model::toml_check::{Checker, Range, Table};
 use docktwin_model::{
-    AttenuationChoice, ContactLaw, DockingMechanism, FileDigest, Loaded, ModelErrors, NormalLaw,
-    Note, Problem, Spacecraft, load_mechanism, load_spacecraft,
+    AttenuationChoice, ContactLaw, DockingMechanism, FileDigest, HydraulicPreset, Loaded,
+    ModelErrors, NormalLaw, Note, Problem, Spacecraft, load_mechanism, load_spacecraft,
 };
 
 use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
@@ -40,6 +40,8 @@ pub struct Scenario {
     pub run: RunSettings,
     /// Control wrenches.
     pub thrusts: Vec<Thrust>,
+    /// The loop that `hil` closes around a rig.
+    pub hil: HilSettings,
     /// What makes the verdict.
     pub expect: Expect,
     /// What the model files hold that is not used.
@@ -107,6 +109,39 @@ impl RunSettings {
         let n = (self.duration_s * 1e9 / self.tick_nanos as f64).round() as u64;
         n.max(1)
     }
+}
+
+/// What a scenario says of the loop and its rig; what is `None` is left to the rig and the tool.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HilSettings {
+    /// URDF of the rig as named in the scenario.
+    pub rig: Option<String>,
+    /// Oil volume.
+    pub preset: Option<HydraulicPreset>,
+    /// `none` or `lead`.
+    pub compensator: Option<CompensatorChoice>,
+    /// Lead, s.
+    pub lead_s: Option<f64>,
+    /// True with a sensor of its own for F4, M4.
+    pub two_sensors: bool,
+    /// Of the supervisor, N.
+    pub force_limit_n: Option<f64>,
+    /// Of the supervisor, N·m.
+    pub moment_limit_nm: Option<f64>,
+}
+
+/// What is done against the delay of a rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CompensatorChoice {
+    /// Nothing.
+    None,
+    /// `x + τ v`.
+    Lead,
+}
+
+impl CompensatorChoice {
+    /// Words by which scenario and command line name them.
+    pub const WORDS: [(&'static str, Self); 2] = [("none", Self::None), ("lead", Self::Lead)];
 }
 
 /// The body a thrust acts on.
@@ -195,6 +230,7 @@ pub fn load_scenario(
             initial: said.initial,
             run: said.run,
             thrusts: said.thrusts,
+            hil: said.hil,
             expect: said.expect,
             notes: Vec::new(),
             files: Vec::new(),
@@ -284,6 +320,7 @@ pub(crate) struct Said {
     initial: InitialConditions,
     run: RunSettings,
     thrusts: Vec<Thrust>,
+    hil: HilSettings,
     expect: Expect,
 }
 
@@ -382,6 +419,7 @@ pub(crate) fn read_scenario(t: &Table<'_, '_>) -> Said {
         initial: t.section("initial", read_initial),
         run: t.section("run", read_run),
         thrusts: t.sections("thrust", read_thrust),
+        hil: t.optional_section("loop", read_loop).unwrap_or_default(),
         expect: t.section("expect", read_expect),
     }
 }
@@ -465,6 +503,23 @@ fn read_run(t: &Table<'_, '_>) -> RunSettings {
     }
 }
 
+fn read_loop(t: &Table<'_, '_>) -> HilSettings {
+    let settings = HilSettings {
+        rig: t.optional_text("rig", "path of a URDF"),
+        preset: t.optional_choice("preset", &HydraulicPreset::WORDS),
+        compensator: t.optional_choice("compensator", &CompensatorChoice::WORDS),
+        lead_s: maybe(t, "lead_s"),
+        two_sensors: t.optional_choice("sensors", &[("single", false), ("two", true)])
+            == Some(true),
+        force_limit_n: maybe(t, "force_limit_n"),
+        moment_limit_nm: maybe(t, "moment_limit_nm"),
+    };
+    if settings.compensator == Some(CompensatorChoice::None) && settings.lead_s.is_some() {
+        t.refuse("lead_s", "is a lead, but nothing leads", "remove it, or take `lead`");
+    }
+    settings
+}
+
 fn read_thrust(t: &Table<'_, '_>) -> Thrust {
     let on = t.choice("on", &[("chaser", Body::Chaser), ("target", Body::Target)]);
     let events = [
@@ -530,6 +585,7 @@ fn read_expect(t: &Table<'_, '_>) -> Expect {
     };
     let expect = Expect {
         outcome: outcome.unwrap_or(ExpectedOutcome::Captured),
+        hil_outcome: t.optional_choice("hil_outcome", &ExpectedOutcome::WORDS),
         because: t.text("because", "text: why physics gives this outcome"),
         first_contact_s: between(Some("first_contact_after_s"), Some("first_contact_before_s")),
         capture_s: between(Some("capture_after_s"), Some("capture_before_s")),

@@ -239,6 +239,7 @@ fn regress_expectations_make_the_verdict() {
         |value, tolerance| Bound { near: Some(Target { value, tolerance }), ..Bound::default() };
     let expect = Expect {
         outcome: ExpectedOutcome::Captured,
+        hil_outcome: None,
         because: "why".into(),
         first_contact_s: Bound::default(),
         capture_s: Bound { below: Some(5.0), ..Bound::default() },

@@ -398,7 +398,7 @@ impl SceneWriter {
         Self::start(path, scene, pair_names, Part::Alone)
     }
 
-    /// Streams to a viewer that is open instead of a file, at `url` (see [`LIVE_URL`]). What was
+    /// Streams to a viewer that is open instead of a file, at `url` (see [`crate::LIVE_URL`]). What was
     /// recorded since is sent by [`Self::push`]. Calls may wait while the viewer does not keep up:
     /// not for a thread that keeps time.
     ///
@@ -420,10 +420,10 @@ impl SceneWriter {
             .connect_grpc_opts(url)
             .map_err(|e| nobody(&e))?;
         // Before the scene: without a viewer rerun 0.36.3 waits for ever once it holds 100 messages.
-        if let Err(e) = rec.flush_with_timeout(CONNECT_LIMIT) {
+        if rec.flush_with_timeout(CONNECT_LIMIT).is_err() {
             // Dropping the stream would wait for the viewer for another while.
             core::mem::forget(rec);
-            return Err(nobody(&e));
+            return Err(nobody(&"no answer within 2 s"));
         }
         Self::begin(rec, PathBuf::from(url), scene, pair_names, Part::Alone)
     }

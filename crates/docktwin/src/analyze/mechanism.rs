@@ -167,7 +167,7 @@ const CONTACT_DEPTH_M: f64 = 0.01;
 const CONTACT_SPEEDS: [f64; 3] = [0.0, 0.10, 0.35];
 
 /// Both sides of a mechanism from any of its files.
-fn sides(file: &Path, passive: Option<&Path>) -> Result<(PathBuf, PathBuf), Failure> {
+pub(crate) fn sides(file: &Path, passive: Option<&Path>) -> Result<(PathBuf, PathBuf), Failure> {
     let urdf = file.with_extension("urdf");
     if let Some(p) = passive {
         return Ok((urdf, p.with_extension("urdf")));

@@ -5,7 +5,7 @@ use core::fmt::Write as _;
 use docktwin_plot::{Embed, Plot, PlotError, STYLE};
 
 /// Plots in rows on one sheet.
-pub(super) fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
+pub(crate) fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
     const GAP: f64 = 10.0;
     let (mut body, mut y, mut width) = (String::new(), 0.0f64, 0.0f64);
     for row in rows {

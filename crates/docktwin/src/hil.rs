@@ -1,0 +1,997 @@
+//! `hil`: the loop against a rig, in virtual or in real time.
+
+use std::{
+    collections::BTreeMap,
+    io::{BufRead as _, IsTerminal as _, Write as _},
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant as WallInstant, SystemTime, UNIX_EPOCH},
+};
+
+use docktwin::{
+    fidelity::{self, Trace},
+    live::Live,
+    pilot::{PILOT_HELP, Pilot, PilotLimits, Stick},
+    playback::{self, Playback},
+    ring::Ring,
+    setup::{inputs_after, start, thrust_ahead, tick_digest},
+    signals::{contact_rows, row},
+    telemetry::{CONTACT_N, Watcher, hil_columns, loop_row},
+};
+use docktwin_control::{
+    compensator::{Compensation, Compensator as _, MOST_LEAD_S},
+    rig::RigSetup,
+    safety::{Limit, SafetyLimits, Trip},
+    sensing::SensorScheme,
+};
+use docktwin_core::{Digest, SimTime, Tick};
+use docktwin_hil::{
+    clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
+    emulated::EmulatedRig,
+    in_process::InProcess,
+    ipc::IpcRig,
+    realtime::{RealtimeSetup, Shortage, relax},
+    rig::Rig,
+    scheduler::{
+        Approach, Check, LegCorrections, Loop, LoopSetup, LoopTimes, Phase, Running, Stopped,
+        TickRecord,
+    },
+};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
+use docktwin_physics::{
+    body::BodyState,
+    contact::PAIRS,
+    mechanism::{System, pair_name},
+    mounted::Payload,
+    programme::Programme,
+    reduced::Inputs,
+};
+use docktwin_record::{
+    Event, LatenessUs, LoopSummary, Outcome, PhaseUs, Policy, RunWriter, SafetySummary, StepUs,
+    Summary, Verdict,
+};
+use docktwin_scenario::{
+    CompensatorChoice, ExpectedOutcome, Scenario, Thrust, load_scenario, resolve_path,
+};
+use docktwin_view::SceneWriter;
+use serde_json::json;
+
+use crate::{
+    cli::{ClockArg, HilArgs},
+    commands::overrides,
+    failure::{Failure, OTHERWISE, STOPPED},
+    models::ModelCopies,
+    rehearse::{Run, default_directory, digest_keys, print, progress},
+};
+
+/// Rig when neither scenario nor command line names one.
+const DEFAULT_RIG: &str = "models/urdf/stewart.urdf";
+/// Fastest of the first move, m/s and rad/s.
+const MOVE_M_S: f64 = 0.1;
+const MOVE_RAD_S: f64 = 0.05;
+/// Rest before the run-up, s.
+const SETTLE_S: f64 = 0.6;
+/// Longest way of the run-up along the docking axis, m, and the times it may take, s.
+const RUN_UP_M: f64 = 0.1;
+const RUN_UP_S: [f64; 2] = [0.2, 4.0];
+/// Loads at which the supervisor stops, over the mechanism's own limits.
+const LOAD_MARGIN: f64 = 1.2;
+/// Ticks between the loop and what looks at them, in real time: two seconds.
+const RING_TICKS: usize = 2048;
+/// How long a rig in another process may take over a tick in lockstep, and to be found at all.
+const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(5);
+const CONNECT_PATIENCE: Duration = Duration::from_secs(10);
+
+/// Where the rig is.
+enum Where {
+    InProcess,
+    Ipc(String),
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
+    let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
+    if !json {
+        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+    }
+    let prepared = Prepared::new(args, &scenario)?;
+    let out = args.out.clone().unwrap_or_else(|| default_directory(&scenario.name));
+    let summary = prepared.go(args, &out, json)?;
+    if json {
+        // A summary always serialises; a defect would show as an empty object.
+        println!("{}", serde_json::to_value(&summary).unwrap_or_default());
+    } else {
+        tell(&summary, &scenario, &out);
+    }
+    Ok(ExitCode::from(match (summary.verdict, summary.outcome) {
+        (Verdict::Pass, _) => 0,
+        (_, Outcome::Stopped) => STOPPED,
+        _ => OTHERWISE,
+    }))
+}
+
+/// Everything that is known before a rig moves.
+struct Prepared<'a> {
+    scenario: &'a Scenario,
+    rig_path: PathBuf,
+    rig: RigModel,
+    preset: HydraulicPreset,
+    system: System,
+    bodies: [BodyState; 3],
+    place: Where,
+    setup: LoopSetup,
+}
+
+impl<'a> Prepared<'a> {
+    fn new(args: &HilArgs, scenario: &'a Scenario) -> Result<Self, Failure> {
+        let place = match args.rig.as_str() {
+            "emulated" => Where::InProcess,
+            other => match other.strip_prefix("ipc:") {
+                Some(name) if !name.is_empty() => Where::Ipc(name.to_owned()),
+                _ => {
+                    return Err(Failure::Usage {
+                        what: format!("there is no rig `{other}`"),
+                        remedy: "take `emulated`, or `ipc:NAME` of a rig that runs as \
+                                 `docktwin rig emulate RIG.toml --name NAME`"
+                            .to_owned(),
+                    });
+                }
+            },
+        };
+        let rig_path = rig_path(args, scenario)?;
+        let rig = load_rig(&rig_path)?.model;
+        let hil = &scenario.hil;
+        let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
+        let (system, bodies) = start(scenario)?;
+        #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
+        let tick_s = scenario.run.tick_nanos as f64 * 1e-9;
+        if scenario.run.tick_nanos != 1_000_000 {
+            return Err(Failure::Usage {
+                what: format!("the loop runs at 1 kHz, the scenario has ticks of {tick_s} s"),
+                remedy: "leave run.tick_s at 0.001 for `hil`".to_owned(),
+            });
+        }
+        let programme = Programme::new(&system, &bodies, tick_s);
+        let believed = RigSetup::of_rig(&rig, preset, None);
+        let sensors = rig.sensors.ok_or_else(|| Failure::Usage {
+            what: format!("the rig has no table [sensors]: {}", rig_path.display()),
+            remedy: "add one; models/urdf/stewart.toml is an example".to_owned(),
+        })?;
+        // A command is for the end of its tick and reaches the legs after the dead time.
+        let interface_delay_s = rig.valve.dead_time_s - tick_s;
+        let lag_s = sensors.force.delay_s
+            + 2.0 * sensors.force.damping_ratio
+                / (core::f64::consts::TAU * sensors.force.natural_frequency_hz);
+        let compensation = compensation(args, scenario, interface_delay_s + lag_s)?;
+        let limits = &scenario.mechanism.limits;
+        let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
+        let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
+        let setup = LoopSetup {
+            feedforward: believed.feedforward(),
+            corrections: LegCorrections::default(),
+            compensation,
+            scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
+            payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+            interface_delay_s,
+            limits: SafetyLimits::of_rig(
+                &rig,
+                hil.force_limit_n.unwrap_or(force),
+                hil.moment_limit_nm.unwrap_or(moment),
+            ),
+            approach: Approach {
+                speed_m_s: MOVE_M_S,
+                rate_rad_s: MOVE_RAD_S,
+                settle_s: SETTLE_S,
+                run_up_s: run_up_s(&system, &bodies, &programme),
+            },
+            bodies: programme,
+            ticks: scenario.run.ticks(),
+            session: session(args),
+            patience: Duration::ZERO,
+            dry_run: args.dry_run,
+            rig: rig.clone(),
+        };
+        Ok(Self { scenario, rig_path, rig, preset, system, bodies, place, setup })
+    }
+
+    fn go(mut self, args: &HilArgs, out: &Path, json: bool) -> Result<Summary, Failure> {
+        match (&self.place, args.clock) {
+            (Where::InProcess, ClockArg::Virtual) => {
+                let rig = self.emulated(args)?;
+                self.with_clock(rig, VirtualClock::new(1_000_000), args, out, json)
+            }
+            (Where::InProcess, ClockArg::Realtime) => {
+                let rig = self.emulated(args)?;
+                let clock = RealtimeClock::new(1_000_000, OverrunPolicy::Skip);
+                self.with_clock(rig, clock, args, out, json)
+            }
+            (Where::Ipc(name), clock) => {
+                let rig = IpcRig::connect(name, CONNECT_PATIENCE).map_err(|e| Failure::Usage {
+                    what: e.to_string(),
+                    remedy: format!("start it with `docktwin rig emulate RIG.toml --name {name}`"),
+                })?;
+                match clock {
+                    ClockArg::Virtual => {
+                        self.setup.patience = LOCKSTEP_PATIENCE;
+                        self.with_clock(rig, VirtualClock::new(1_000_000), args, out, json)
+                    }
+                    ClockArg::Realtime => {
+                        let clock = RealtimeClock::new(1_000_000, OverrunPolicy::Skip);
+                        self.with_clock(rig, clock, args, out, json)
+                    }
+                }
+            }
+        }
+    }
+
+    fn emulated(&self, args: &HilArgs) -> Result<InProcess<EmulatedRig>, Failure> {
+        let rest = self.rig.docking.pose([0.0; 6]);
+        EmulatedRig::new(
+            &self.rig,
+            self.preset,
+            args.perturb,
+            args.seed,
+            self.system.clone(),
+            &rest,
+        )
+        .map(InProcess::new)
+        .map_err(|e| Failure::Usage {
+            what: e.to_string(),
+            remedy: format!("mend {}", self.rig_path.display()),
+        })
+    }
+
+    fn checks(&self, args: &HilArgs) -> Result<Vec<Check>, Failure> {
+        let emulated = matches!(self.place, Where::InProcess);
+        let mut out = vec![
+            Check {
+                name: "limits",
+                passed: true,
+                found: format!(
+                    "loaded from {}: {:.0} N, {:.0} N·m at the ports",
+                    self.rig_path.display(),
+                    self.setup.limits.of(Limit::Force),
+                    self.setup.limits.of(Limit::Moment)
+                ),
+            },
+            Check {
+                name: "calibration",
+                passed: true,
+                found: "none: the rig's file is believed".to_owned(),
+            },
+        ];
+        let tested = emulated || args.yes || confirm()?;
+        out.push(Check {
+            name: "operator",
+            passed: tested,
+            found: if emulated {
+                "not asked: nothing but an emulation moves".to_owned()
+            } else if tested {
+                "confirmed: emergency stop tested, nobody near the rig".to_owned()
+            } else {
+                "not confirmed".to_owned()
+            },
+        });
+        Ok(out)
+    }
+
+    fn metadata(&self, args: &HilArgs) -> BTreeMap<String, String> {
+        let compensation = &self.setup.compensation;
+        let lead = match compensation {
+            Compensation::None => 0.0,
+            Compensation::Lead(s) => *s,
+        };
+        let mut m: BTreeMap<String, String> = [
+            ("tool", "docktwin".to_owned()),
+            ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("command", "hil".to_owned()),
+            ("scenario", self.scenario.name.clone()),
+            ("seed", args.seed.to_string()),
+            ("rig", args.rig.clone()),
+            ("clock", args.clock.name().to_owned()),
+            ("compensator", compensation.name().to_owned()),
+            ("lead_s", lead.to_string()),
+            ("preset", self.preset.word().to_owned()),
+            ("perturb", args.perturb.map_or("none".to_owned(), |s| s.to_string())),
+            ("tick_nanos", self.scenario.run.tick_nanos.to_string()),
+            ("digest:rig", self.rig.digest.to_string()),
+            ("started_unix_ns", jiff::Timestamp::now().as_nanosecond().to_string()),
+        ]
+        .into_iter()
+        .map(|(k, v)| (k.to_owned(), v))
+        .collect();
+        for (key, f) in digest_keys(&self.scenario.files) {
+            m.insert(key, f.digest.to_string());
+        }
+        m
+    }
+
+    fn with_clock<R: Rig, K: Clock>(
+        self,
+        rig: R,
+        clock: K,
+        args: &HilArgs,
+        out: &Path,
+        json: bool,
+    ) -> Result<Summary, Failure> {
+        let checks = self.checks(args)?;
+        let live = args.live.as_deref().map(|url| Live::start(url, self.scenario, &hil_columns()));
+        let live = live.transpose()?;
+        let wall = WallInstant::now();
+        let armed =
+            Loop::new(self.setup.clone(), rig, clock).arm(checks).map_err(|e| Failure::Usage {
+                what: e.to_string(),
+                remedy: "mend what failed and arm again; nothing has moved".to_owned(),
+            })?;
+        if !json {
+            for c in armed.checks() {
+                eprintln!("{} {:14} {}", if c.passed { "ok  " } else { "FAIL" }, c.name, c.found);
+            }
+        }
+        let recorder = Recorder::new(&self, args, out, live, !K::LOCKSTEP)?;
+        // Last: from here on the terminal is the pilot's.
+        let pilot = args.pilot.pilot.then(|| {
+            let own = PilotLimits::of_chaser(&self.scenario.chaser);
+            let limits = PilotLimits {
+                force_n: args.pilot.force_n.unwrap_or(own.force_n),
+                moment_nm: args.pilot.moment_nm.unwrap_or(own.moment_nm),
+            };
+            eprintln!("{PILOT_HELP}");
+            Pilot::start(limits, args.pilot.hold_s)
+        });
+        let pilot = pilot.transpose()?;
+        let hand = Hand::new(self.scenario, pilot.as_ref().map(Pilot::stick));
+        let bar = progress(self.setup.ticks, json || pilot.is_some());
+        let (ended, recorder, best_effort) = if K::LOCKSTEP {
+            let (ended, recorder) = in_virtual_time(armed.start(), hand, recorder, &bar);
+            (ended, recorder, None)
+        } else {
+            in_real_time(armed.start(), hand, recorder, args)?
+        };
+        bar.finish_and_clear();
+        if pilot.is_some() {
+            drop(pilot);
+            eprintln!();
+        }
+        recorder.finish(&self, args, &ended, best_effort, wall.elapsed(), json)
+    }
+}
+
+fn rig_path(args: &HilArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
+    if let Some(path) = &args.model {
+        return Ok(path.with_extension("urdf"));
+    }
+    let named = scenario.hil.rig.as_deref().unwrap_or(DEFAULT_RIG);
+    let from = scenario.files.first().map_or(Path::new("."), |f| &f.path);
+    resolve_path(from, Path::new(named)).ok_or_else(|| Failure::Usage {
+        what: format!(
+            "the rig is found neither beside the scenario nor in any folder above it: {named}"
+        ),
+        remedy: "name it with --model RIG.toml, or as loop.rig in the scenario".to_owned(),
+    })
+}
+
+fn compensation(
+    args: &HilArgs,
+    scenario: &Scenario,
+    believed_s: f64,
+) -> Result<Compensation, Failure> {
+    let hil = &scenario.hil;
+    let lead_s = args.lead_ms.map(|ms| ms * 1e-3).or(hil.lead_s).unwrap_or(believed_s);
+    let choice = args.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
+    if !(0.0..=MOST_LEAD_S).contains(&lead_s) {
+        return Err(Failure::Usage {
+            what: format!("a lead of {lead_s} s"),
+            remedy: format!("give 0 to {} ms with --lead-ms", MOST_LEAD_S * 1e3),
+        });
+    }
+    Ok(match choice {
+        CompensatorChoice::None => Compensation::None,
+        CompensatorChoice::Lead => Compensation::Lead(lead_s),
+    })
+}
+
+/// A number for this run: the same one under a virtual clock, so that runs repeat.
+fn session(args: &HilArgs) -> u64 {
+    match args.clock {
+        ClockArg::Virtual if args.rig == "emulated" => 1,
+        _ => wall_session(),
+    }
+}
+
+/// A number that no earlier run has had.
+pub(crate) fn wall_session() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .ok()
+        .and_then(|d| u64::try_from(d.as_nanos()).ok())
+        .unwrap_or(1)
+        .max(1)
+}
+
+/// The longest run-up that stays clear of the other side.
+fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> f64 {
+    let speed = programme.free(0.0).twist.v.length().max(1e-3);
+    let [shortest, longest] = RUN_UP_S;
+    let mut time = (2.0 * RUN_UP_M / speed).clamp(shortest, longest);
+    let free = |time: f64| {
+        (0..=50).all(|i| {
+            let mut back = *bodies;
+            for (b, m) in back.iter_mut().zip(system.mass()) {
+                b.drift(m, -0.5 * time * f64::from(i) / 50.0);
+            }
+            system.follow(&mut back);
+            !system.touches(&system.poses(&back.map(|b| b.pose())))
+        })
+    };
+    while time > shortest && !free(time) {
+        time *= 0.8;
+    }
+    time.max(shortest)
+}
+
+fn confirm() -> Result<bool, Failure> {
+    let stdin = std::io::stdin();
+    if !stdin.is_terminal() {
+        return Err(Failure::Usage {
+            what: "nobody is there to confirm that the rig may move".to_owned(),
+            remedy:
+                "run it in a terminal, or add --yes when the emergency stop has been tested and \
+                     nobody is near the rig"
+                    .to_owned(),
+        });
+    }
+    eprint!("Emergency stop tested, nobody near the rig? Type `arm`: ");
+    let _ = std::io::stderr().flush();
+    let mut line = String::new();
+    let read = stdin.lock().read_line(&mut line);
+    Ok(read.is_ok() && line.trim() == "arm")
+}
+
+/// What moves the spacecraft besides the mechanism: the scenario's thrusts and a pilot's.
+struct Hand {
+    thrusts: Vec<Thrust>,
+    stick: Option<Stick>,
+    first_contact_s: Option<f64>,
+    captured_s: Option<f64>,
+}
+
+impl Hand {
+    fn new(scenario: &Scenario, stick: Option<Stick>) -> Self {
+        let thrusts = scenario.thrusts.clone();
+        Self { thrusts, stick, first_contact_s: None, captured_s: None }
+    }
+
+    /// Control wrenches of the tick `k` of the closed loop.
+    fn inputs(&self, time_s: f64) -> Inputs {
+        let mut out = inputs_after(&self.thrusts, self.first_contact_s, self.captured_s, time_s);
+        if let Some(stick) = &self.stick {
+            out.chaser += stick.wrench();
+        }
+        out
+    }
+
+    fn look(&mut self, r: &TickRecord) {
+        let Some(k) = r.closed_tick else { return };
+        let time_s = seconds(k);
+        if r.ports.port4.f.length() > CONTACT_N {
+            self.first_contact_s.get_or_insert(time_s);
+        }
+        if r.measurement.mechanism[9] > 0.5 {
+            self.captured_s.get_or_insert(time_s);
+        }
+    }
+
+    fn ended(&self) -> bool {
+        self.stick.as_ref().is_some_and(Stick::ended)
+    }
+}
+
+/// Time of a tick of the closed loop, s.
+fn seconds(closed_tick: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 ticks")]
+    let s = closed_tick as f64 * 1e-3;
+    s
+}
+
+/// What is left of a loop.
+struct Ended {
+    end: Stopped,
+    times: LoopTimes,
+    late: u64,
+    missed: u64,
+    broken: Option<String>,
+    dropped: u64,
+}
+
+fn ended<R: Rig, K: Clock>(
+    running: Loop<R, K, Running>,
+    broken: Option<String>,
+    dropped: u64,
+) -> Ended {
+    let counts = running.clock_counts();
+    let times = running.times().clone();
+    let end = running.stop().into_end();
+    Ended { end, times, late: counts.overruns, missed: counts.missed, broken, dropped }
+}
+
+fn in_virtual_time<'a, R: Rig, K: Clock>(
+    mut running: Loop<R, K, Running>,
+    mut hand: Hand,
+    mut recorder: Recorder<'a>,
+    bar: &indicatif::ProgressBar,
+) -> (Ended, Recorder<'a>) {
+    let mut broken = None;
+    let mut closed = 0;
+    while !running.finished() {
+        let control = if running.phase() == Phase::Closed {
+            hand.inputs(seconds(closed))
+        } else {
+            Inputs::default()
+        };
+        match running.tick(&control) {
+            Ok(r) => {
+                hand.look(&r);
+                if let Some(k) = r.closed_tick {
+                    closed = k + 1;
+                    if closed.is_multiple_of(100) {
+                        bar.set_position(closed);
+                    }
+                }
+                if recorder.take(&r) || hand.ended() {
+                    running.end();
+                }
+            }
+            Err(e) => {
+                broken = Some(e.to_string());
+                break;
+            }
+        }
+    }
+    (ended(running, broken, 0), recorder)
+}
+
+/// The loop on a thread of its own, with what the machine grants; this thread looks at the ticks.
+fn in_real_time<'a, R: Rig, K: Clock>(
+    mut running: Loop<R, K, Running>,
+    mut hand: Hand,
+    mut recorder: Recorder<'a>,
+    args: &HilArgs,
+) -> Result<(Ended, Recorder<'a>, Option<String>), Failure> {
+    let shortage = if args.allow_best_effort { Shortage::BestEffort } else { Shortage::Refuse };
+    let realtime = RealtimeSetup { core: args.core, ..RealtimeSetup::default() };
+    let ring: Arc<Ring<Option<TickRecord>>> = Arc::new(Ring::new(RING_TICKS, || None));
+    let stop = Arc::new(AtomicBool::new(false));
+    // The rig stays in the thread that made it: this one becomes the loop's, the other looks.
+    let looker = {
+        let (ring, stop) = (Arc::clone(&ring), Arc::clone(&stop));
+        move |recorder: &mut Recorder<'_>| loop {
+            let closed = ring.is_closed();
+            match ring.read(|r| *r) {
+                Some(Some(r)) => {
+                    if recorder.take(&r) {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                }
+                Some(None) => {}
+                None if closed => return,
+                None => std::thread::sleep(Duration::from_millis(2)),
+            }
+        }
+    };
+    let mut shortfalls = None;
+    let result = std::thread::scope(|scope| {
+        let looking = scope.spawn(|| looker(&mut recorder));
+        let granted = realtime.apply(shortage);
+        let out = match granted {
+            Err(e) => Err(Failure::Usage {
+                what: e.to_string(),
+                remedy: "`docktwin doctor` tells what this machine offers a loop".to_owned(),
+            }),
+            Ok(report) => {
+                if report.is_best_effort() {
+                    let words: Vec<String> =
+                        report.shortfalls.iter().map(|s| s.step.to_string()).collect();
+                    shortfalls = Some(format!("best effort: without {}", words.join(", ")));
+                }
+                let mut broken = None;
+                let mut dropped = 0_u64;
+                let mut closed = 0;
+                while !running.finished() {
+                    let control = if running.phase() == Phase::Closed {
+                        hand.inputs(seconds(closed))
+                    } else {
+                        Inputs::default()
+                    };
+                    match running.tick(&control) {
+                        Ok(r) => {
+                            hand.look(&r);
+                            closed = r.closed_tick.map_or(closed, |k| k + 1);
+                            dropped += u64::from(!ring.write(|slot| *slot = Some(r)));
+                        }
+                        Err(e) => {
+                            broken = Some(e.to_string());
+                            break;
+                        }
+                    }
+                    if stop.load(Ordering::Relaxed) || hand.ended() {
+                        running.end();
+                    }
+                }
+                relax();
+                Ok(ended(running, broken, dropped))
+            }
+        };
+        ring.close();
+        let _ = looking.join();
+        out
+    })?;
+    Ok((result, recorder, shortfalls))
+}
+
+/// Looks at every tick of the closed loop: events, log, viewer, and what is compared afterwards.
+struct Recorder<'a> {
+    scenario: &'a Scenario,
+    system: System,
+    bodies: [BodyState; 3],
+    timed: bool,
+    writer: Option<RunWriter>,
+    view: Option<(SceneWriter, Playback)>,
+    live: Option<Live>,
+    run: Run,
+    watcher: Watcher,
+    traces: Vec<Trace>,
+    controls: Vec<Inputs>,
+    ticks: u64,
+    trip: Option<Trip>,
+    phase: Option<Phase>,
+    missed_told: u64,
+    lost: Option<Failure>,
+}
+
+impl<'a> Recorder<'a> {
+    fn new(
+        prepared: &Prepared<'a>,
+        args: &HilArgs,
+        out: &Path,
+        live: Option<Live>,
+        timed: bool,
+    ) -> Result<Self, Failure> {
+        let scenario = prepared.scenario;
+        let names: Vec<String> = (0..PAIRS).map(|i| pair_name(&scenario.mechanism, i)).collect();
+        let models = ModelCopies::read(scenario)?;
+        let policy = if timed { Policy::DropNewest } else { Policy::Wait };
+        let writer =
+            RunWriter::create(out, hil_columns(), names, &prepared.metadata(args), policy)?;
+        models.write(&writer)?;
+        writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
+        let view = if args.no_rrd {
+            None
+        } else {
+            let names = playback::pair_names(scenario);
+            let model = playback::scene_model(scenario);
+            let writer = SceneWriter::create(&out.join("run.rrd"), &model, &names)?;
+            Some((writer, Playback::new(scenario, &hil_columns())?))
+        };
+        Ok(Self {
+            scenario,
+            system: prepared.system.clone(),
+            bodies: prepared.bodies,
+            timed,
+            writer: Some(writer),
+            view,
+            live,
+            run: Run::new(),
+            watcher: Watcher::new(prepared.bodies),
+            traces: Vec::new(),
+            controls: Vec::new(),
+            ticks: 0,
+            trip: None,
+            phase: None,
+            missed_told: 0,
+            lost: None,
+        })
+    }
+
+    /// Takes a tick in; true when the run is to end.
+    fn take(&mut self, r: &TickRecord) -> bool {
+        let time = SimTime::of_tick(Tick(self.ticks), self.scenario.run.tick_nanos);
+        let t = time.seconds();
+        let mut told = Vec::new();
+        if self.phase != Some(r.phase) {
+            self.phase = Some(r.phase);
+            told.push(Event::new(
+                Tick(self.ticks),
+                time,
+                "phase",
+                format!("t = {t:.3} s {}", r.phase.name()),
+                json!({ "phase": r.phase.name() }),
+            ));
+        }
+        if let (None, Some(trip)) = (self.trip, r.trip) {
+            self.trip = Some(trip);
+            told.push(Event::new(
+                Tick(self.ticks),
+                time,
+                "safety_stop",
+                format!(
+                    "t = {t:.3} s the supervisor stops the rig: {} {:.4}, allowed {:.4}",
+                    trip.limit.name(),
+                    trip.value,
+                    trip.allowed
+                ),
+                json!({ "limit": trip.limit.name(), "value": trip.value, "allowed": trip.allowed }),
+            ));
+        }
+        if r.missed > 0 {
+            self.missed_told += r.missed;
+            told.push(Event::new(
+                Tick(self.ticks),
+                time,
+                "missed_ticks",
+                format!(
+                    "t = {t:.3} s {} ticks left out: woken {:.3} ms late",
+                    r.missed,
+                    to_ms(r.lateness_ns)
+                ),
+                json!({ "missed": r.missed, "lateness_ms": to_ms(r.lateness_ns) }),
+            ));
+        }
+        if r.closed_tick.is_none() && !(r.phase == Phase::Stop && self.ticks > 0) {
+            self.tell(told, time);
+            return false;
+        }
+        let tick_s = 1e-3;
+        let shown = self.watcher.take(&self.system, r, t, tick_s);
+        let mut watcher = self.watcher.clone();
+        let now = watcher.instant(&self.system, &shown, r, t, tick_s);
+        if r.closed_tick.is_some() {
+            self.traces.push(fidelity::trace(&self.system, r));
+            self.controls.push(r.control);
+            let mut seen = now.observation(t);
+            seen.interface = r.ports.port4.shifted(self.system.passive_ring().p);
+            let told = self.run.observe_told(
+                &self.system,
+                &now,
+                &seen,
+                &r.control,
+                Tick(self.ticks),
+                time,
+            );
+            if let Err(e) = told {
+                self.lost.get_or_insert(e);
+            }
+        }
+        let digest = tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control);
+        if r.closed_tick.is_some() {
+            self.run.chain(digest);
+        }
+        row(&now, &self.system, &r.control, digest.short(), &mut self.run.row);
+        let [x_13, x_24] = self.system.ports();
+        let x_34 = (r.bodies[0].pose() * x_13).inverse() * r.bodies[1].pose() * x_24;
+        loop_row(r, &x_34, self.timed, &mut self.run.row);
+        contact_rows(&now, &mut self.run.contacts);
+        drop(now);
+        self.watcher = watcher;
+        told.append(&mut self.run.events);
+        let due = !told.is_empty() || core::mem::take(&mut self.run.frame_due);
+        self.tell(told, time);
+        if let (Some(w), None) = (&mut self.writer, &self.lost) {
+            let written = w.tick(Tick(self.ticks), time, &self.run.row, &self.run.contacts);
+            self.lost = written.err().map(Failure::from);
+        }
+        if let Some((v, playback)) = &mut self.view
+            && let Err(e) = playback.show(v, time, &self.run.row, &self.run.contacts, due)
+        {
+            self.lost.get_or_insert(e.into());
+            self.view = None;
+        }
+        if let Some(l) = &mut self.live {
+            l.tick(time, &self.run.row, &self.run.contacts, due);
+        }
+        self.ticks += 1;
+        r.closed_tick.is_some()
+            && (self.run.monitor.limit().is_some()
+                || (self.scenario.run.stop_when_decided
+                    && self
+                        .run
+                        .monitor
+                        .decided(t, thrust_ahead(&self.scenario.thrusts, self.watcher.state(), t))))
+    }
+
+    fn tell(&mut self, events: Vec<Event>, time: SimTime) {
+        for e in events {
+            if let (Some(w), None) = (&mut self.writer, &self.lost) {
+                self.lost = w.event(&e).err().map(Failure::from);
+            }
+            if let Some((v, _)) = &mut self.view
+                && let Err(e) = v.event(time, &e.kind, &e.text)
+            {
+                self.lost.get_or_insert(e.into());
+            }
+            if let Some(l) = &self.live {
+                l.events().event(time, &e.kind, &e.text);
+            }
+        }
+    }
+
+    fn finish(
+        mut self,
+        prepared: &Prepared<'_>,
+        args: &HilArgs,
+        ended: &Ended,
+        best_effort: Option<String>,
+        wall: Duration,
+        json: bool,
+    ) -> Result<Summary, Failure> {
+        let scenario = self.scenario;
+        let last = self.ticks.saturating_sub(1);
+        let time = SimTime::of_tick(Tick(last), scenario.run.tick_nanos);
+        let judgement = self.run.monitor.judge(time.seconds());
+        let expect = scenario.expect.of_hil();
+        let state = self.watcher.state().clone();
+        let mut summary =
+            self.run.summary(scenario, &expect, args.seed, &state, &judgement, last, time);
+        let stopped = ended.end.trip.is_some() || ended.broken.is_some();
+        if args.dry_run {
+            // There and back: whatever the scenario expects, nothing was to happen.
+            summary.verdict = if stopped { Verdict::Fail } else { Verdict::Pass };
+            summary.failure_reason = None;
+        } else if stopped {
+            summary.outcome = Outcome::Stopped;
+            let expected = expect.outcome == ExpectedOutcome::Stopped;
+            summary.verdict = if expected { Verdict::Pass } else { Verdict::Fail };
+            summary.failure_reason = None;
+        }
+        if let Some(trip) = ended.end.trip.filter(|_| summary.verdict == Verdict::Fail) {
+            summary.failure_reason = Some(format!(
+                "the supervisor stopped the rig in tick {}: {} was {:.4}, allowed {:.4}",
+                trip.tick,
+                trip.limit.name(),
+                trip.value,
+                trip.allowed
+            ));
+        }
+        if let Some(broken) = &ended.broken {
+            summary.failure_reason = Some(broken.clone());
+        }
+        summary.loop_ = Some(loop_summary(ended));
+        let compute = ended.times.compute.latencies();
+        summary.step_us = StepUs {
+            p50: us(compute.p50_ns),
+            p99: us(compute.p99_ns),
+            p999: us(compute.p999_ns),
+            max: us(compute.max_ns),
+            n: compute.n,
+        };
+        let sim = fidelity::simulated(self.system.clone(), self.bodies, &self.controls, 1e-3);
+        summary.fidelity = Some(fidelity::fidelity(&self.traces, &sim));
+        summary.safety = Some(safety_summary(ended));
+        if let Some(why) = best_effort {
+            summary.degrade(&why);
+        }
+        if ended.dropped > 0 {
+            summary.degrade(&format!("{} ticks were not recorded", ended.dropped));
+        }
+        let event = Event::new(
+            Tick(last),
+            time,
+            "outcome",
+            format!("{}: {}", summary.outcome, judgement.reason),
+            json!({ "outcome": summary.outcome.to_string(), "decided_s": judgement.time_s }),
+        );
+        self.tell(vec![event], time);
+        if let Some((v, _)) = self.view.take()
+            && let Err(e) = v.finish()
+        {
+            summary.degrade(&e.to_string());
+        }
+        summary.wall_s = wall.as_secs_f64();
+        summary.realtime_factor = time.seconds() / summary.wall_s.max(1e-9);
+        if let Some(writer) = self.writer.take() {
+            match writer.finish(&summary) {
+                Ok(recording) => summary.recording = Some(recording),
+                Err(e) => {
+                    summary.degrade(&e.to_string());
+                    self.lost.get_or_insert(e.into());
+                }
+            }
+        }
+        if let Some(live) = self.live.take() {
+            let report = live.finish(Duration::from_secs(10));
+            if !json {
+                eprintln!(
+                    "live viewer: {} ticks sent, {} left out{}",
+                    report.sent,
+                    report.dropped,
+                    if report.complete { "" } else { "; it went away or did not keep up" }
+                );
+            }
+        }
+        if let (Some(e), false) = (&self.lost, json) {
+            eprintln!("the recording is not complete: {e}");
+        }
+        let _ = prepared;
+        Ok(summary)
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "times far below 2^53 ns")]
+fn us(ns: u64) -> f64 {
+    ns as f64 * 1e-3
+}
+
+fn to_ms(ns: u64) -> f64 {
+    us(ns) * 1e-3
+}
+
+fn loop_summary(ended: &Ended) -> LoopSummary {
+    let l = ended.times.lateness.latencies();
+    LoopSummary {
+        period_us: 1000.0,
+        late: ended.late,
+        missed: ended.missed,
+        lateness_us: LatenessUs {
+            p50: us(l.p50_ns),
+            p99: us(l.p99_ns),
+            p999: us(l.p999_ns),
+            max: us(l.max_ns),
+        },
+        phases: ended
+            .times
+            .phases
+            .iter()
+            .map(|(name, l)| {
+                let phase = PhaseUs { p50: us(l.p50_ns), p99: us(l.p99_ns), max: us(l.max_ns) };
+                (name.to_owned(), phase)
+            })
+            .collect(),
+    }
+}
+
+fn safety_summary(ended: &Ended) -> SafetySummary {
+    let trips = ended.end.trip.map(|t| {
+        format!("tick {}: {} {:.4}, allowed {:.4}", t.tick, t.limit.name(), t.value, t.allowed)
+    });
+    SafetySummary {
+        state: if ended.end.trip.is_some() { "stopped" } else { "normal" }.to_owned(),
+        trips: trips.into_iter().collect(),
+        min_margin: Limit::ALL
+            .into_iter()
+            .zip(ended.end.least_margin)
+            .map(|(l, m)| (l.name().to_owned(), m))
+            .collect(),
+    }
+}
+
+fn tell(s: &Summary, scenario: &Scenario, out: &Path) {
+    print(s, &scenario.expect.of_hil(), out);
+    if let Some(f) = &s.fidelity {
+        let word = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{x:.4}"));
+        println!(
+            "  fidelity       R_e {}, R_T {}, peak {}, NRMS force {}, pose {}, ΔE {}",
+            word(f.R_e),
+            word(f.R_T),
+            word(f.peak_force_ratio),
+            word(f.nrms_force),
+            word(f.nrms_pose),
+            word(f.delta_energy)
+        );
+    }
+    if let Some(l) = &s.loop_ {
+        println!(
+            "  loop           late {}, missed {}; wake-up p50 {:.1} µs, p99 {:.1} µs, max {:.1} µs",
+            l.late, l.missed, l.lateness_us.p50, l.lateness_us.p99, l.lateness_us.max
+        );
+    }
+    if let Some(safety) = &s.safety {
+        let least = safety.min_margin.iter().min_by(|a, b| a.1.total_cmp(b.1));
+        if let Some((name, margin)) = least {
+            println!("  safety         {}, least margin {:.2} of {name}", safety.state, margin);
+        }
+    }
+}

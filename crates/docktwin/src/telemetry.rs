@@ -1,0 +1,253 @@
+//! What is recorded of a run against a rig: the columns of a docking, and those of loop and rig.
+//!
+//! The columns of a docking mean, against a rig: bodies are those of the body programme; `port3` and
+//! `port4` the wrenches measured and conditioned; `relative` the pose that the mechanisms have, as
+//! measured; latches and ring as the mechanism's own sensors tell; places of contact and their forces
+//! are the model's at that pose, because no rig measures them; `energy_lost` is what has left the
+//! motion of the bodies through the ports, so that below zero the loop has put energy in.
+
+use docktwin_core::{DVec3, Pose, Wrench};
+use docktwin_hil::scheduler::TickRecord;
+use docktwin_physics::{
+    body::BodyState,
+    mechanism::{
+        CHASER, EnergyLosses, LatchPhase, LatchState, MechanismState, RING, System, TARGET,
+    },
+    reduced::{DockingState, Energy},
+};
+use docktwin_record::{Cell, Column};
+
+use crate::signals::{Instant, XYZ, columns};
+
+/// A force at a port beyond this is contact, N: far above the noise of the sensors.
+pub const CONTACT_N: f64 = 5.0;
+
+/// Columns of a run against a rig: those of a docking, then those of [`loop_row`].
+#[must_use]
+pub fn hil_columns() -> Vec<Column> {
+    let mut out = columns();
+    for a in XYZ {
+        out.push(Column::f64("/programme", format!("programme_position_{a}_m")));
+    }
+    for a in XYZ {
+        out.push(Column::f64("/programme", format!("programme_rotation_{a}_rad")));
+    }
+    for sensor in ["sensor_a", "sensor_b", "truth_port3", "truth_port4"] {
+        for (part, unit) in [("force", "n"), ("moment", "nm")] {
+            for a in XYZ {
+                out.push(Column::f64(format!("/{sensor}"), format!("{sensor}_{part}_{a}_{unit}")));
+            }
+        }
+    }
+    for i in 1..=6 {
+        for (what, unit) in [
+            ("length", "_m"),
+            ("speed", "_m_s"),
+            ("force", "_n"),
+            ("spool", ""),
+            ("command_length", "_m"),
+            ("command_flow_speed", "_m_s"),
+            ("command_force", "_n"),
+        ] {
+            out.push(Column::f64("/legs", format!("leg_{i}_{what}{unit}")));
+        }
+    }
+    out.push(Column::u64("/loop", "loop_phase"));
+    out.push(Column::u64("/loop", "rig_status"));
+    out.push(Column::bool("/loop", "measurement_fresh"));
+    out.push(Column::f64("/loop", "wakeup_lateness_us"));
+    out.push(Column::f64("/loop", "compute_time_us"));
+    out.push(Column::u64("/loop", "missed_ticks"));
+    out
+}
+
+/// Appends the cells of loop and rig; `timed` is false under a virtual clock, where times of the wall
+/// would make two runs differ.
+pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
+    let mut vector = |v: DVec3| out.extend(v.to_array().map(Cell::from));
+    vector(x_34.p);
+    vector(x_34.q.to_scaled_axis());
+    let m = &r.measurement;
+    for w in [m.sensor_a, m.sensor_b, m.truth_port3, m.truth_port4] {
+        out.extend(w.map(Cell::from));
+    }
+    let c = &r.command;
+    for i in 0..6 {
+        out.extend(
+            [
+                m.leg_length_m[i],
+                m.leg_speed_m_s[i],
+                m.leg_force_n[i],
+                m.valve_spool[i],
+                c.leg_length_m[i],
+                c.leg_flow_speed_m_s[i],
+                c.leg_force_n[i],
+            ]
+            .map(Cell::from),
+        );
+    }
+    out.push(Cell::from(r.phase as u64));
+    out.push(Cell::from(u64::from(m.status)));
+    out.push(Cell::from(r.fresh));
+    #[expect(clippy::cast_precision_loss, reason = "times far below 2^53 ns")]
+    let us = |ns: u64| if timed { ns as f64 * 1e-3 } else { 0.0 };
+    out.push(Cell::from(us(r.lateness_ns)));
+    out.push(Cell::from(us(r.compute_ns)));
+    out.push(Cell::from(r.missed));
+}
+
+/// What has happened so far in a run against a rig, kept from tick to tick.
+#[derive(Clone, Debug)]
+pub struct Watcher {
+    latches: [LatchState; 3],
+    captured_s: Option<f64>,
+    /// State as shown; its sums run from tick to tick.
+    state: DockingState,
+    kinetic_start_j: Option<f64>,
+    last: Option<[BodyState; 2]>,
+}
+
+impl Watcher {
+    /// Before the loop is closed.
+    #[must_use]
+    pub fn new(bodies: [BodyState; 3]) -> Self {
+        Self {
+            latches: [LatchState::default(); 3],
+            captured_s: None,
+            state: DockingState::new(bodies),
+            kinetic_start_j: None,
+            last: None,
+        }
+    }
+
+    /// The state as shown last.
+    #[must_use]
+    pub const fn state(&self) -> &DockingState {
+        &self.state
+    }
+
+    /// Takes a tick in: bodies, latches and sums. Returns the state with the target where the
+    /// mechanisms really are, for what touches.
+    pub fn take(
+        &mut self,
+        system: &System,
+        r: &TickRecord,
+        time_s: f64,
+        tick_s: f64,
+    ) -> DockingState {
+        let mass = system.mass();
+        let m = &r.measurement;
+        for (latch, phase) in self.latches.iter_mut().zip(m.mechanism) {
+            let phase = [LatchPhase::Latched, LatchPhase::Struck, LatchPhase::Approach]
+                .into_iter()
+                .find(|p| phase >= f64::from(*p as u8))
+                .unwrap_or_default();
+            latch.phase = phase;
+            for (i, reached) in [LatchPhase::Approach, LatchPhase::Struck, LatchPhase::Latched]
+                .into_iter()
+                .enumerate()
+            {
+                if phase >= reached {
+                    latch.times_s[i].get_or_insert(time_s);
+                }
+            }
+        }
+        if m.mechanism[9] > 0.5 {
+            self.captured_s.get_or_insert(time_s);
+        }
+        let losses = self.state.mechanism.losses;
+        self.state.mechanism = MechanismState::told(self.latches, self.captured_s);
+        self.state.mechanism.losses = losses;
+
+        let [chaser, target] = r.bodies;
+        let offset = Pose::new(
+            DVec3::from_slice(&m.mechanism[3..6]),
+            docktwin_core::DQuat::from_scaled_axis(DVec3::from_slice(&m.mechanism[6..9])),
+        );
+        let ring = chaser.pose() * system.ring_at_rest() * offset;
+        let t = chaser.twist(&mass[CHASER]);
+        let v = t.v + t.w.cross(ring.p - chaser.p);
+        let ring = BodyState::new(&mass[RING], ring, v, ring.q.conjugate() * t.w);
+        self.state.bodies = [chaser, ring, target];
+
+        let force = r.ports.port4.f.length();
+        let x_4p = system.passive_ring();
+        let moment = r.ports.port4.shifted(x_4p.p).m.length();
+        let s = &mut self.state;
+        s.step += 1;
+        s.peak_force_n = s.peak_force_n.max(force);
+        s.peak_moment_nm = s.peak_moment_nm.max(moment);
+        if force > CONTACT_N {
+            s.first_contact_s.get_or_insert(time_s);
+        }
+        if self.captured_s.is_none() {
+            s.impulse_ns += force * tick_s;
+        }
+        // Work and impulse of the control wrenches over the tick before, by its mean velocities.
+        if let Some(before) = self.last {
+            for (i, (w, k)) in
+                [(r.control.chaser, CHASER), (r.control.target, TARGET)].into_iter().enumerate()
+            {
+                let (b, a) = (&before[i], &r.bodies[i]);
+                let w = w.rotated(a.q);
+                let (tb, ta) = (b.twist(&mass[k]), a.twist(&mass[k]));
+                s.work_in_j += 0.5 * tick_s * (w.f.dot(tb.v + ta.v) + w.m.dot(tb.w + ta.w));
+                s.impulse_in.push(a.p, w.f * tick_s);
+                s.impulse_in.m += w.m * tick_s;
+            }
+        }
+        self.last = Some(r.bodies);
+
+        let mut shown = self.state.clone();
+        let [x_13, x_24] = system.ports();
+        let x_wt = chaser.pose() * x_13 * r.x_34 * x_24.inverse();
+        let tw = target.twist(&mass[TARGET]);
+        shown.bodies[TARGET] = BodyState::new(&mass[TARGET], x_wt, tw.v, x_wt.q.conjugate() * tw.w);
+        shown
+    }
+
+    /// One instant, made of the state that [`Watcher::take`] returned and of what was measured.
+    #[must_use]
+    pub fn instant<'a>(
+        &'a mut self,
+        system: &System,
+        shown: &'a DockingState,
+        r: &TickRecord,
+        time_s: f64,
+        tick_s: f64,
+    ) -> Instant<'a> {
+        let mut now = Instant::new(system, shown, time_s, tick_s);
+        now.port3 = r.ports.port3;
+        now.port4 = r.ports.port4;
+        self.state.peak_depth_m = self.state.peak_depth_m.max(now.measured.deepest_m());
+        let kinetic: f64 = [CHASER, TARGET]
+            .into_iter()
+            .map(|i| self.state.bodies[i].kinetic_energy(&system.mass()[i]))
+            .sum();
+        let start = *self.kinetic_start_j.get_or_insert(kinetic);
+        let lost = start + self.state.work_in_j - kinetic;
+        self.state.mechanism.losses = EnergyLosses { contact: lost, ..EnergyLosses::default() };
+        now.energy = Energy { kinetic, stored: 0.0, lost, work_in: self.state.work_in_j };
+        now.momentum = system.momentum(&self.state);
+        now.state = &self.state;
+        now
+    }
+}
+
+/// The wrench on the target at the passive ring's centre, in `e4`, as limits are judged by.
+#[must_use]
+pub fn interface(system: &System, port4: &Wrench) -> Wrench {
+    port4.shifted(system.passive_ring().p)
+}
+
+/// Velocity of `e4` against `e3` of two bodies, m/s.
+#[must_use]
+pub fn port_speed(system: &System, bodies: &[BodyState; 2]) -> f64 {
+    let mass = system.mass();
+    let p4 = (bodies[1].pose() * system.ports()[1]).p;
+    let at = |i: usize, k: usize| {
+        let t = bodies[i].twist(&mass[k]);
+        t.v + t.w.cross(p4 - bodies[i].p)
+    };
+    (at(1, TARGET) - at(0, CHASER)).length()
+}
