@@ -97,7 +97,7 @@ mod tests {
             let x = want.map(|a| (a * turn).re);
             h.push(t, &[x[0] + 3.0 + 0.2 * t, x[1] - 5.0 + (3.0 * w * t).sin()]);
         }
-        let found = h.found().unwrap();
+        let found = h.found().expect("two seconds of samples");
         for (a, b) in found.amplitude[0].into_iter().zip(want) {
             assert!((a - b).norm() < 1e-9, "{a} for {b}");
         }

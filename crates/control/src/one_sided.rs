@@ -267,11 +267,11 @@ mod tests {
     fn oracle_pure_delays() {
         for [theta, r_e, r_t] in EXACT {
             let w = 7.0;
-            let got = one_sided(&Interface::delay(theta / w), w).unwrap();
+            let got = one_sided(&Interface::delay(theta / w), w).expect("it comes free");
             assert!((got.r_e - r_e).abs() < 6e-5, "{theta}: {} for {r_e}", got.r_e);
             assert!((got.r_t - r_t).abs() < 6e-5, "{theta}: {} for {r_t}", got.r_t);
         }
-        let none = one_sided(&Interface::delay(0.0), 3.0).unwrap();
+        let none = one_sided(&Interface::delay(0.0), 3.0).expect("it comes free");
         assert!((none.r_e - 1.0).abs() < 1e-6 && (none.r_t - 1.0).abs() < 1e-6);
         assert!((none.peak_ratio - 1.0).abs() < 1e-6);
     }
@@ -283,7 +283,7 @@ mod tests {
         for (hz, r_e, r_t) in
             [(0.941, 1.150, 1.002), (1.731, 1.296, 1.008), (2.884, 1.546, 1.024), (5.0, 2.11, 1.08)]
         {
-            let got = one_sided(&lag, TAU * hz).unwrap();
+            let got = one_sided(&lag, TAU * hz).expect("it comes free");
             assert!((got.r_e / r_e - 1.0).abs() < 3e-3, "{hz}: {} for {r_e}", got.r_e);
             assert!((got.r_t / r_t - 1.0).abs() < 3e-3, "{hz}: {} for {r_t}", got.r_t);
         }
@@ -300,11 +300,10 @@ mod tests {
         for g in made {
             let points: Vec<_> =
                 hz.iter().map(|hz| FrequencyPoint { hz: *hz, response: g.at(*hz) }).collect();
-            let (found, distance) = Interface::fitted(&points).unwrap();
+            let (found, distance) = Interface::fitted(&points).expect("there are points");
             assert!(distance < 2e-4, "{g:?} became {found:?}: {distance}");
             for row in [0.941, 2.884] {
-                let (a, b) = (one_sided(&g, TAU * row), one_sided(&found, TAU * row));
-                let (a, b) = (a.unwrap(), b.unwrap());
+                let [a, b] = [&g, &found].map(|g| one_sided(g, TAU * row).expect("it comes free"));
                 assert!((a.r_e - b.r_e).abs() < 2e-3, "{row} Hz: {} for {}", b.r_e, a.r_e);
                 assert!((a.r_t - b.r_t).abs() < 2e-3, "{row} Hz: {} for {}", b.r_t, a.r_t);
             }
@@ -318,7 +317,7 @@ mod tests {
         let g = Interface::second_order(12.33, 0.579, 0.0);
         for hz in [0.235, 0.471, 0.941, 1.731] {
             let [r_e, r_t] = narrow_band(g.at(hz));
-            let got = one_sided(&g, TAU * hz).unwrap();
+            let got = one_sided(&g, TAU * hz).expect("it comes free");
             assert!((got.r_e / r_e - 1.0).abs() < 1e-2, "{hz}: {} for {r_e}", got.r_e);
             assert!((got.r_t / r_t - 1.0).abs() < 1e-2, "{hz}: {} for {r_t}", got.r_t);
         }

@@ -304,11 +304,9 @@ fn solve(
     let turned: Vec<_> = swings.iter().map(|s| swing_rows(s, q_34, gravity_4)).collect();
     let n = 6 * still.len() + 12 * swings.len();
     let mut a = DMatrix::<f64>::zeros(n, UNKNOWNS);
-    let mut put = 0;
     let lines = still.iter().map(|x| &x.0).chain(turned.iter().flatten());
-    for row in lines.flatten() {
-        a.row_mut(put).copy_from(&row.transpose());
-        put += 1;
+    for (i, row) in lines.flatten().enumerate() {
+        a.row_mut(i).copy_from(&row.transpose());
     }
     let svd = a.clone().svd(true, true);
     let mut late_s = 0.0;
@@ -344,7 +342,7 @@ fn solve(
                 square += w * w * m.norm_sqr();
             }
         }
-        if !(square > 0.0) {
+        if square <= 0.0 || !square.is_finite() {
             return Err(CalibrateError::Blind);
         }
         late_s += across / square;
@@ -359,7 +357,7 @@ fn solve(
     let unknowns: Row = x.fixed_rows::<UNKNOWNS>(0).into_owned();
     let u = &unknowns;
     let mass = u[0];
-    if !(mass > 0.0) {
+    if mass <= 0.0 || !mass.is_finite() {
         return Err(CalibrateError::Blind);
     }
     let com = DVec3::new(u[1], u[2], u[3]) / mass;

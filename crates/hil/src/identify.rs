@@ -172,6 +172,12 @@ impl Identification {
 /// Middle of the fast rows of Table 4, Hz.
 const BAND_MIDDLE_HZ: f64 = 2.308;
 
+/// A response from gain and phase (rad).
+#[must_use]
+pub fn polar(gain: f64, phase_rad: f64) -> Complex<f64> {
+    Complex::from_polar(gain, phase_rad)
+}
+
 /// A force sensor as part of the interface.
 #[must_use]
 pub fn sensor_interface(sensor: &ForceSensor) -> Interface {
@@ -213,10 +219,10 @@ impl Means {
     fn push(&mut self, s: &Sample, wanted_m: &[f64; 6], error: f64) {
         let m = &s.measurement;
         self.n += 1.0;
-        for i in 0..6 {
+        for (i, wanted) in wanted_m.iter().enumerate() {
             self.spool[i] += m.valve_spool[i];
             self.force_n[i] += m.leg_force_n[i];
-            self.leg_error_m[i] += wanted_m[i] - m.leg_length_m[i];
+            self.leg_error_m[i] += wanted - m.leg_length_m[i];
         }
         self.error += error;
         self.first.get_or_insert((s.time_s, m.leg_length_m));
@@ -366,7 +372,8 @@ pub fn identify<R: Rig, K: Clock>(
     let band = 0.1..=20.0;
     if setup.dofs.iter().any(|d| *d > 5)
         || setup.hz.iter().any(|f| !band.contains(f))
-        || !(setup.room_m > 5e-3)
+        || setup.room_m.is_nan()
+        || setup.room_m < 5e-3
     {
         return Err(IdentifyError::Setup);
     }

@@ -1,22 +1,22 @@
 //! `rig calibrate` against the truth of drawn rigs, through the port.
 
-mod common;
+mod stand;
 
-use common::{Stand, body, free_stick, stick};
 use docktwin_hil::{
     calibrate::{CalibrateSetup, Calibration, Touch, calibrate},
     emulated::SENSOR_STREAM,
     scheduler::LegCorrections,
 };
 use docktwin_physics::{mechanism::System, sensor::SensorParameters};
+use stand::{Stand, body, free_stick, stick};
 
 fn sensors(stand: &Stand, seed: u64) -> [SensorParameters; 2] {
-    let file = stand.rig.sensors.unwrap().force;
+    let file = stand.rig.sensors.expect("as the model says").force;
     [0, 1].map(|i| SensorParameters::drawn(file, seed, SENSOR_STREAM + i))
 }
 
 fn calibrated(stand: &Stand, touch: bool) -> Calibration {
-    let file = stand.rig.sensors.unwrap().force;
+    let file = stand.rig.sensors.expect("as the model says").force;
     let mut setup = CalibrateSetup::at(stand.middle(), file);
     let mut system = free_stick();
     if touch {
@@ -25,8 +25,8 @@ fn calibrated(stand: &Stand, touch: bool) -> Calibration {
         system = System::new(&body(), &body(), stick());
     }
     let mut drive = stand.drive(system, &setup.place, LegCorrections::default());
-    let found = calibrate(&mut drive, &setup).unwrap();
-    drive.finish().unwrap();
+    let found = calibrate(&mut drive, &setup).expect("as the model says");
+    drive.finish().expect("as the model says");
     found
 }
 
@@ -40,13 +40,15 @@ fn judge(stand: &Stand, found: &Calibration, seed: u64) {
         t.mass_kg,
         p.com_m,
         t.com_m,
-        (found.delay_s[1].unwrap() - stand.rig.sensors.unwrap().force.delay_s) * 1e6,
-        (found.delay_s[1].unwrap() - b.model.delay_s) * 1e6,
+        (found.delay_s[1].expect("as the model says")
+            - stand.rig.sensors.expect("as the model says").force.delay_s)
+            * 1e6,
+        (found.delay_s[1].expect("as the model says") - b.model.delay_s) * 1e6,
         found.rest,
     );
     println!("   inertia {} for {}", p.inertia_kg_m2, t.inertia_kg_m2);
     println!("   zero {:?} off {}", b.zero, (found.zero_b.f - b.zero.f));
-    assert!((found.delay_s[1].unwrap() - b.model.delay_s).abs() < 5e-5);
+    assert!((found.delay_s[1].expect("as the model says") - b.model.delay_s).abs() < 5e-5);
     if let Some(late) = found.delay_s[0] {
         println!("   A is {:+.1} us off", (late - a.model.delay_s) * 1e6);
         assert!((late - a.model.delay_s).abs() < 5e-5);

@@ -1,9 +1,9 @@
 //! `rig identify` against the truth of drawn rigs, through the port.
 
-mod common;
+mod stand;
 
-use common::{Stand, TICK_S};
 use docktwin_model::HydraulicPreset;
+use stand::{Stand, TICK_S};
 
 /// Acceptance: delay ±0.1 ms, null bias ±0.03 % of spool, flow gain ±1 %. Where the bypass leaks (the
 /// stiff preset), an error of the leakage believed cannot be told from null bias.

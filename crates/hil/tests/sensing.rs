@@ -1,9 +1,8 @@
 //! Both sensor schemes, calibrated, against the true wrench at the ports: on a plate that moves and
 //! carries weight, in contact, on drawn rigs.
 
-mod common;
+mod stand;
 
-use common::{Stand, TICK_S, body, free_stick, model, stick};
 use docktwin_control::sensing::SensorScheme;
 use docktwin_core::{DVec3, Euler};
 use docktwin_hil::{
@@ -18,6 +17,7 @@ use docktwin_physics::{
     initial::{ContactConditions, initial_state},
     mechanism::System,
 };
+use stand::{Stand, TICK_S, body, free_stick, model, stick};
 
 struct Known {
     stand: Stand,
@@ -27,14 +27,14 @@ struct Known {
 
 fn known(seed: u64) -> Known {
     let stand = Stand::new(Some(seed));
-    let file = stand.rig.sensors.unwrap().force;
+    let file = stand.rig.sensors.expect("as the model says").force;
     let found = stand.identified(Vec::new(), Vec::new());
     let place = stand.middle();
     // With the stick in its frame for A's lateness, without it for everything else.
     let run = |system: System, setup: &CalibrateSetup| {
         let mut drive = stand.drive(system, &place, LegCorrections::default());
-        let out = calibrate(&mut drive, setup).unwrap();
-        drive.finish().unwrap();
+        let out = calibrate(&mut drive, setup).expect("as the model says");
+        drive.finish().expect("as the model says");
         out
     };
     let mut setup = CalibrateSetup::at(place, file);
@@ -48,7 +48,7 @@ fn known(seed: u64) -> Known {
 
 impl Known {
     fn apply(&self, setup: &mut LoopSetup, scheme: SensorScheme) {
-        let file = &self.stand.rig.sensors.unwrap().force;
+        let file = &self.stand.rig.sensors.expect("as the model says").force;
         setup.scheme = scheme;
         setup.corrections = self.found.corrections();
         setup.payload = self.sensors.payload;
@@ -59,7 +59,7 @@ impl Known {
     /// Force errors of the closed loop at port 3 (sensor A) and at port 4 (by the scheme). The truth is
     /// taken at the instant the reading is of: earlier by the sensor's lag as calibrated.
     fn errors(&self, records: &[TickRecord], scheme: SensorScheme) -> [Errors; 2] {
-        let file = &self.stand.rig.sensors.unwrap().force;
+        let file = &self.stand.rig.sensors.expect("as the model says").force;
         let closed: Vec<_> = records.iter().filter(|r| r.phase == Phase::Closed).collect();
         let by = usize::from(scheme == SensorScheme::Two);
         [(0, 0), (1, by)].map(|(port, sensor)| {
@@ -108,7 +108,8 @@ fn oracle_both_schemes_with_the_stick_in_row_3() {
     for seed in [1, 2] {
         let k = known(seed);
         for dof in [0, 1] {
-            let test = VibroTest::new(TABLE_4[2], &[Axis::ALL[dof].1], &body(), &stick()).unwrap();
+            let test = VibroTest::new(TABLE_4[2], &[Axis::ALL[dof].1], &body(), &stick())
+                .expect("as the model says");
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
             let ticks = (test.duration_s(2) * 1e3) as u64;
             for scheme in [SensorScheme::Single, SensorScheme::Two] {
@@ -131,10 +132,10 @@ fn oracle_both_schemes_with_the_stick_in_row_3() {
 #[test]
 fn oracle_both_schemes_with_the_docking_mechanism() {
     let mechanism = load_mechanism(&model("apas_active.urdf"), &model("apas_passive.urdf"), None)
-        .unwrap()
+        .expect("as the model says")
         .model;
-    let chaser = load_spacecraft(&model("chaser_8t.urdf")).unwrap().model;
-    let target = load_spacecraft(&model("target_12t.urdf")).unwrap().model;
+    let chaser = load_spacecraft(&model("chaser_8t.urdf")).expect("as the model says").model;
+    let target = load_spacecraft(&model("target_12t.urdf")).expect("as the model says").model;
     let system = System::new(&chaser, &target, mechanism);
     let conditions = ContactConditions {
         attitude: Euler { roll: 0.03, pitch: 0.01, yaw: -0.015 },

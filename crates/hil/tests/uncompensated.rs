@@ -1,11 +1,10 @@
 //! Table 4 without compensation, whole loop against a linear simulation that knows nothing of it but
 //! the interface that `rig identify` measured.
 
-mod common;
+mod stand;
 
 use core::f64::consts::TAU;
 
-use common::{Stand, body, stick};
 use docktwin_control::one_sided::{Interface, narrow_band, one_sided};
 use docktwin_hil::{
     emulated::SENSOR_STREAM,
@@ -14,6 +13,7 @@ use docktwin_hil::{
     vibro::{Axis, Contact, TABLE_4, VibroTest},
 };
 use docktwin_physics::sensor::SensorParameters;
+use stand::{Stand, body, stick};
 
 fn contact(stand: &Stand, test: &VibroTest, found: &Identification) -> Contact {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
@@ -25,7 +25,7 @@ fn contact(stand: &Stand, test: &VibroTest, found: &Identification) -> Contact {
     let samples: Vec<_> = records
         .iter()
         .filter(|r| r.phase == Phase::Closed)
-        .map(|r| test.sample(r, r.closed_tick.unwrap() as f64 * 1e-3))
+        .map(|r| test.sample(r, r.closed_tick.expect("as the model says") as f64 * 1e-3))
         .collect();
     test.judge(&samples)[0]
 }
@@ -33,18 +33,23 @@ fn contact(stand: &Stand, test: &VibroTest, found: &Identification) -> Contact {
 fn hold_against_the_interface(stand: &Stand, seed: u64, rows: core::ops::Range<usize>) {
     let found = stand.identified(vec![0, 1], FREQUENCIES_HZ.to_vec());
     // The sensor that closes the loop, its delay as drawn: calibration has a test of its own.
-    let sensor = SensorParameters::drawn(stand.rig.sensors.unwrap().force, seed, SENSOR_STREAM);
+    let sensor = SensorParameters::drawn(
+        stand.rig.sensors.expect("as the model says").force,
+        seed,
+        SENSOR_STREAM,
+    );
     for dof in [0, 1] {
         let (name, axis) = Axis::ALL[dof];
         let points = found.interface(dof, &sensor.model);
-        let (g, distance) = Interface::fitted(&points).unwrap();
+        let (g, distance) = Interface::fitted(&points).expect("as the model says");
         println!("{name}: {g:?} within {distance:.4}");
         assert!(distance < 0.02);
         for i in rows.clone() {
-            let test = VibroTest::new(TABLE_4[i], &[axis], &body(), &stick()).unwrap();
+            let test =
+                VibroTest::new(TABLE_4[i], &[axis], &body(), &stick()).expect("as the model says");
             let got = contact(stand, &test, &found);
             let w = test.rate_rad_s();
-            let want = one_sided(&g, w).unwrap();
+            let want = one_sided(&g, w).expect("as the model says");
             let form = narrow_band(g.at(w / TAU));
             println!(
                 "  row {}: R_e {:.4} for {:.4} ({:.4}), R_T {:.4} for {:.4} ({:.4})",

@@ -1,154 +1,204 @@
-//! Models and runs that several tests share.
+//! What the suites of the rig port share: a loop's commands, an ideal rig, rigs in other processes.
+#![allow(dead_code, reason = "every suite takes what it needs")]
 
-#![allow(dead_code, reason = "every test is a crate of its own and uses a part")]
-
-use std::{path::Path, time::Duration};
-
-use docktwin_control::{
-    compensator::Compensation, rig::RigSetup, safety::SafetyLimits, sensing::SensorScheme,
+use std::{
+    io::Read as _,
+    process::{Child, Command, Stdio},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::Duration,
 };
-use docktwin_core::Pose;
+
+use docktwin_core::{DQuat, DVec3, Pose};
 use docktwin_hil::{
-    clock::VirtualClock,
-    drive::{Drive, DriveSetup},
-    emulated::EmulatedRig,
-    identify::{Identification, IdentifySetup, identify},
-    in_process::InProcess,
-    scheduler::{Approach, LegCorrections, Loop, LoopSetup, TickRecord},
-};
-use docktwin_model::{
-    DockingMechanism, HydraulicPreset, Rig, Spacecraft, load_mechanism, load_rig, load_spacecraft,
-};
-use docktwin_physics::{
-    body::BodyState, mechanism::System, mounted::Payload, programme::Programme, reduced::Inputs,
+    ideal::{IdealRig, Stops},
+    ipc::{RigServer, ServeOptions},
+    port::{RigCommand, RigMeasurement, RigMode, flag, status},
+    rig::{Plant, Rig},
 };
 
-pub(crate) const TICK_NS: u64 = 1_000_000;
-pub(crate) const TICK_S: f64 = 1e-3;
+pub(crate) const MS: u64 = 1_000_000;
+/// Far longer than any answer takes, on a machine that does other things besides.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A rig, what stands on it and how it was drawn.
-#[derive(Clone)]
-pub(crate) struct Stand {
-    pub(crate) rig: Rig,
-    pub(crate) preset: HydraulicPreset,
-    pub(crate) drawn: Option<u64>,
+/// Turns the docking axis up, as on the rig.
+pub(crate) fn x_b3() -> Pose {
+    let up = DQuat::from_rotation_y(-core::f64::consts::FRAC_PI_2);
+    Pose::new(DVec3::new(0.25, -0.5, 4.0), up)
 }
 
-pub(crate) fn model(name: &str) -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf").join(name)
+pub(crate) fn x_4p() -> Pose {
+    Pose::from_translation(DVec3::new(0.3, 0.0, 0.0))
 }
 
-impl Stand {
-    pub(crate) fn new(drawn: Option<u64>) -> Self {
-        let rig = load_rig(&model("stewart.urdf")).unwrap().model;
-        Self { rig, preset: HydraulicPreset::Printed, drawn }
-    }
+/// The plate with the mechanisms apart by `d`, in `e3`: `X_bp = X_b3 · X_34 · X_4p`.
+pub(crate) fn plate_at(d: DVec3) -> Pose {
+    x_b3() * Pose::from_translation(d) * x_4p()
+}
 
-    /// What the controllers believe.
-    pub(crate) fn believed(&self) -> RigSetup {
-        RigSetup::of_rig(&self.rig, self.preset, None)
-    }
+pub(crate) fn start() -> Pose {
+    plate_at(DVec3::ZERO)
+}
 
-    /// What is built.
-    pub(crate) fn truth(&self) -> RigSetup {
-        RigSetup::of_rig(&self.rig, self.preset, self.drawn)
-    }
+pub(crate) fn ideal() -> IdealRig {
+    IdealRig::new(x_b3(), x_4p(), Stops::default(), start())
+}
 
-    pub(crate) fn middle(&self) -> Pose {
-        self.rig.docking.pose([0.0; 6])
-    }
+/// A name that no other test uses at the same time.
+pub(crate) fn unique(what: &str) -> String {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    format!("test-{what}-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
+}
 
-    pub(crate) fn emulated(&self, system: System, at: &Pose) -> EmulatedRig {
-        let seed = self.drawn.unwrap_or(1);
-        EmulatedRig::new(&self.rig, self.preset, self.drawn, seed, system, at).unwrap()
-    }
+/// A number for a session, never used before in this process.
+pub(crate) fn new_session() -> u64 {
+    static COUNT: AtomicU64 = AtomicU64::new(1);
+    COUNT.fetch_add(1, Ordering::Relaxed)
+}
 
-    pub(crate) fn drive(
-        &self,
-        system: System,
-        at: &Pose,
-        corrections: LegCorrections,
-    ) -> Drive<InProcess<EmulatedRig>, VirtualClock> {
-        let setup = DriveSetup {
-            rig: self.rig.clone(),
-            feedforward: self.believed().feedforward(),
-            corrections,
-            limits: SafetyLimits::of_rig(&self.rig, 500.0, f64::INFINITY),
-            speed: [0.1, 0.1],
-            session: 7,
-            patience: Duration::ZERO,
-        };
-        let rig = InProcess::new(self.emulated(system, at));
-        Drive::start(setup, rig, VirtualClock::new(TICK_NS)).unwrap()
+/// What a loop in lockstep sends in tick `tick`, every number its own.
+pub(crate) fn command(session: u64, tick: u64, mode: RigMode, x_bp: Pose) -> RigCommand {
+    let six = |base: f64| core::array::from_fn(|i| base + i as f64 / 8.0);
+    RigCommand {
+        mode: mode as u32,
+        flags: flag::LOCKSTEP,
+        session,
+        tick,
+        loop_time_ns: tick * MS,
+        wakeup_ns: tick * MS,
+        period_ns: MS,
+        leg_length_m: six(3.0),
+        leg_speed_m_s: six(0.25),
+        leg_flow_speed_m_s: six(0.5),
+        leg_force_n: six(1000.0),
+        plate_position_m: x_bp.p.to_array(),
+        plate_attitude: [x_bp.q.w, x_bp.q.x, x_bp.q.y, x_bp.q.z],
+        plate_velocity_m_s: [0.01, 0.02, 0.03],
+        plate_rate_rad_s: [0.1, 0.2, 0.3],
+        ..RigCommand::zero()
     }
+}
 
-    /// Identified in the middle, the mechanism out of the way.
-    pub(crate) fn identified(&self, dofs: Vec<usize>, hz: Vec<f64>) -> Identification {
-        let place = self.middle();
-        let mut drive = self.drive(free_stick(), &place, LegCorrections::default());
-        let legs = self.believed().believed_legs;
-        let setup = IdentifySetup { legs, place, room_m: 0.2, dofs, hz, lever_m: 0.5 };
-        let found = identify(&mut drive, &setup).unwrap();
-        drive.finish().unwrap();
-        found
+/// The same on `CLOCK_MONOTONIC`, due now.
+pub(crate) fn now(mut c: RigCommand) -> RigCommand {
+    c.flags &= !flag::LOCKSTEP;
+    c.wakeup_ns = docktwin_hil::realtime::monotonic_ns();
+    c
+}
+
+/// Sends, waits for the answer, and returns it as the loop would judge it one period later.
+pub(crate) fn exchange(rig: &mut dyn Rig, c: &RigCommand) -> RigMeasurement {
+    let later_ns = if c.flags & flag::LOCKSTEP == 0 {
+        docktwin_hil::realtime::monotonic_ns().max(c.wakeup_ns) + 3_600_000 * MS
+    } else {
+        c.loop_time_ns + c.period_ns
+    };
+    exchange_by(rig, c, later_ns)
+}
+
+/// Sends, waits for the answer, and judges it at `later_ns`.
+pub(crate) fn exchange_by(rig: &mut dyn Rig, c: &RigCommand, later_ns: u64) -> RigMeasurement {
+    rig.send(c).expect("sent");
+    let answer = rig.receive(PATIENCE, later_ns).expect("judged good");
+    answer.expect("an answer within the patience")
+}
+
+/// A session begun: idle, then one tick of following at `x_bp`.
+pub(crate) fn begin(rig: &mut dyn Rig, session: u64, x_bp: Pose) -> RigMeasurement {
+    exchange(rig, &command(session, 0, RigMode::Idle, x_bp));
+    let m = exchange(rig, &command(session, 1, RigMode::Track, x_bp));
+    assert!(!m.has(status::SAFE_STATE), "{m:?}");
+    m
+}
+
+/// A server with an ideal rig in a thread of its own; stops when dropped.
+pub(crate) struct Served {
+    stop: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Served {
+    pub(crate) fn of<P: Plant + Send + 'static>(name: &str, mut plant: P) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (seen, name) = (stop.clone(), name.to_owned());
+        let (ready, is_ready) = std::sync::mpsc::channel();
+        let thread = std::thread::spawn(move || {
+            let mut server = RigServer::open(&name).expect("a rig of a new name");
+            ready.send(()).expect("someone waits");
+            let options = ServeOptions { lockstep_patience: PATIENCE };
+            let stop = || seen.load(Ordering::Relaxed);
+            server.serve(&mut plant, options, stop, |_| ()).expect("the transport holds");
+        });
+        is_ready.recv().expect("the rig is open");
+        Self { stop, thread: Some(thread) }
     }
+}
 
-    /// What the loop knows of the rig before anything was calibrated.
-    pub(crate) fn payload(&self) -> Payload {
-        Payload::of(self.rig.passive_payload, &self.rig.x_4p.inverse())
-    }
-
-    /// Set-up of a loop without compensation that believes the file.
-    pub(crate) fn loop_setup(
-        &self,
-        system: &System,
-        bodies: &[BodyState; 3],
-        run_up_s: f64,
-        ticks: u64,
-    ) -> LoopSetup {
-        LoopSetup {
-            feedforward: self.believed().feedforward(),
-            corrections: LegCorrections::default(),
-            bodies: Programme::new(system, bodies, TICK_S),
-            compensation: Compensation::None,
-            scheme: SensorScheme::Single,
-            payload: self.payload(),
-            interface_delay_s: 1e-3,
-            limits: SafetyLimits::of_rig(&self.rig, 5e4, 5e4),
-            approach: Approach { speed_m_s: 0.05, rate_rad_s: 0.05, settle_s: 0.5, run_up_s },
-            ticks,
-            session: 1,
-            patience: Duration::ZERO,
-            dry_run: false,
-            rig: self.rig.clone(),
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let ended = thread.join();
+            assert!(ended.is_ok() || std::thread::panicking(), "the rig's thread has panicked");
         }
     }
+}
 
-    /// Runs a loop to its end.
-    pub(crate) fn run(&self, setup: LoopSetup, system: System, at: &Pose) -> Vec<TickRecord> {
-        let rig = InProcess::new(self.emulated(system, at));
-        let idle = Loop::new(setup, rig, VirtualClock::new(TICK_NS));
-        let mut running = idle.arm(Vec::new()).unwrap().start();
-        let mut records = Vec::new();
-        while !running.finished() {
-            records.push(running.tick(&Inputs::default()).unwrap());
-        }
-        assert_eq!(running.stop().end().trip, None);
-        records
+/// Another process, killed when dropped.
+pub(crate) struct Process(pub(crate) Child);
+
+impl Process {
+    pub(crate) fn kill(&mut self) {
+        self.0.kill().expect("it is ours");
+        self.0.wait().expect("it is ours");
     }
 }
 
-pub(crate) fn stick() -> DockingMechanism {
-    load_mechanism(&model("stick_active.urdf"), &model("stick_passive.urdf"), None).unwrap().model
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
-pub(crate) fn body() -> Spacecraft {
-    load_spacecraft(&model("test_2026kg.urdf")).unwrap().model
+/// Name under which a test binary, started again as another process, finds what it is to do.
+const ROLE: &str = "DOCKTWIN_TEST_ROLE";
+
+/// Starts this very test binary as another process, which runs the ignored test `test` as `role`.
+pub(crate) fn start_again(test: &str, role: &str) -> Process {
+    let me = std::env::current_exe().expect("a path");
+    let child = Command::new(me)
+        .args(["--exact", test, "--ignored", "--nocapture"])
+        .env(ROLE, role)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn();
+    Process(child.expect("a process"))
 }
 
-/// The stick taken out of its frame: nothing touches.
-pub(crate) fn free_stick() -> System {
-    let mut stick = stick();
-    stick.stick.as_mut().unwrap().frame_opening_m = 10.0;
-    System::new(&body(), &body(), stick)
+/// What this process is to be, if it was started by [`start_again`].
+pub(crate) fn role() -> Option<String> {
+    std::env::var(ROLE).ok()
+}
+
+/// Becomes true when the process that started this one has ended.
+pub(crate) fn orphaned() -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let told = flag.clone();
+    std::thread::spawn(move || {
+        let _ = std::io::stdin().read_to_end(&mut Vec::new());
+        told.store(true, Ordering::Relaxed);
+    });
+    flag
+}
+
+/// Serves an ideal rig until the process that started this one ends.
+pub(crate) fn serve_until_orphaned(name: &str, lockstep_patience: Duration) {
+    let orphaned = orphaned();
+    let mut server = RigServer::open(name).expect("a rig of a new name");
+    let options = ServeOptions { lockstep_patience };
+    let stop = || orphaned.load(Ordering::Relaxed);
+    server.serve(&mut ideal(), options, stop, |_| ()).expect("the transport holds");
 }
