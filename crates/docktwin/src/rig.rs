@@ -15,7 +15,7 @@ use docktwin_core::Pose;
 use docktwin_hil::emulated::EmulatedRig;
 use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
 use docktwin_physics::mechanism::System;
-use docktwin_scenario::{load_scenario, resolve_path};
+use docktwin_scenario::{Scenario, load_scenario, resolve_path};
 
 use crate::{
     cli::{ClockArg, PresetArg},
@@ -205,13 +205,15 @@ const DEFAULT_SCENARIO: &str = "scenarios/apas_nominal.toml";
 /// How far a mechanism that is no stick begins from the middle, part of the axial half-width.
 const DRAWN_BACK: f64 = 2.0 / 3.0;
 
+/// Opening of a frame that no stick reaches, m.
+const NO_FRAME_M: f64 = 10.0;
+
 /// A rig, and what stands on it.
 struct Stand {
     rig: RigModel,
     preset: HydraulicPreset,
     system: System,
-    /// Of the scenario.
-    mechanism: String,
+    scenario: Scenario,
 }
 
 impl Stand {
@@ -231,7 +233,17 @@ impl Stand {
         let (system, _) = start(&scenario)?;
         let preset =
             built.preset.map_or(model.hydraulics.default_preset, super::cli::PresetArg::preset);
-        Ok(Self { rig: model, preset, system, mechanism: scenario.name })
+        Ok(Self { rig: model, preset, system, scenario })
+    }
+
+    /// The stick, if there is one, is taken out of its frame.
+    fn free_the_stick(&mut self) {
+        let s = &self.scenario;
+        let mut mechanism = s.mechanism.clone();
+        if let Some(stick) = &mut mechanism.stick {
+            stick.frame_opening_m = NO_FRAME_M;
+            self.system = System::new(&s.chaser, &s.target, mechanism);
+        }
     }
 
     fn has_stick(&self) -> bool {

@@ -75,6 +75,8 @@ pub struct Sample {
 
 /// Ticks in which a rig must have become ready.
 const READY_TICKS: u32 = 500;
+/// Sessions begun before a rig counts as not ready: it may have reset itself in the first.
+const SESSIONS: u32 = 3;
 /// Ticks of rest before, and of stopping after.
 const REST_TICKS: u32 = 20;
 const STOP_TICKS: u32 = 300;
@@ -140,13 +142,8 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             without: 0,
         };
         out.clock.start();
-        let mut ready = 0;
-        for i in 0..READY_TICKS {
-            let mode = if i < REST_TICKS { RigMode::Idle } else { RigMode::Hold };
-            let fresh = out.still(mode)?;
-            let fit = out.last.has(status::ENABLED) && !out.left();
-            ready = if fresh && fit && i > REST_TICKS { ready + 1 } else { 0 };
-            if ready > REST_TICKS {
+        for _ in 0..SESSIONS {
+            if out.gets_ready()? {
                 let found = out.platform.forward(&out.last.leg_length_m, &out.x_bp);
                 out.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
                 out.at = out.platform.docking_from_plate(&out.x_bp);
@@ -154,8 +151,25 @@ impl<R: Rig, K: Clock> Drive<R, K> {
                 out.untouched = Some(wrench(&out.last.sensor_a).f);
                 return Ok(out);
             }
+            // A rig leaves its safe state with a new session only.
+            out.setup.session += 1;
         }
         Err(if out.last.session == 0 { RigError::Gone.into() } else { DriveError::NotReady })
+    }
+
+    /// Idle, then holding, until the rig has been ready for a while.
+    fn gets_ready(&mut self) -> Result<bool, DriveError> {
+        let mut ready = 0;
+        for i in 0..READY_TICKS {
+            let mode = if i < REST_TICKS { RigMode::Idle } else { RigMode::Hold };
+            let fresh = self.still(mode)?;
+            let fit = self.last.has(status::ENABLED) && !self.left();
+            ready = if fresh && fit && i > REST_TICKS { ready + 1 } else { 0 };
+            if ready > REST_TICKS {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// The set-up.

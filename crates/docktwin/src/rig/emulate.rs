@@ -31,7 +31,7 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
         println!(
             "{}",
             json!({ "ready": format!("ipc:{}", args.name), "rig": stand.rig.name,
-                "mechanism": stand.mechanism, "best_effort": report.is_best_effort() })
+                "mechanism": stand.scenario.name, "best_effort": report.is_best_effort() })
         );
     } else {
         println!(
@@ -39,7 +39,7 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
             args.name,
             stand.rig.name,
             stand.preset.word(),
-            stand.mechanism,
+            stand.scenario.name,
             if report.is_best_effort() { ", best effort" } else { "" }
         );
     }

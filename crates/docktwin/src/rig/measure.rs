@@ -36,8 +36,6 @@ const TOUCH_N: f64 = 500.0;
 /// Tilt of a mechanism that has room, and of a stick in its frame, rad.
 const TILT_RAD: f64 = 0.08;
 const STICK_TILT_RAD: f64 = 0.012;
-/// Opening of a frame that no stick reaches, m.
-const NO_FRAME_M: f64 = 10.0;
 /// How often a touch is made, Hz.
 const TOUCH_HZ: f64 = 2.0;
 
@@ -220,9 +218,7 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
         .mechanism()
         .stick
         .map_or(task.believed().platform.plate_radius_m(), |s| s.lever_m);
-    if task.stand.has_stick() {
-        task.stand.system = free_of_its_frame(&task.stand);
-    }
+    task.stand.free_the_stick();
     let dofs = if args.dof.is_empty() {
         (0..6).collect()
     } else {
@@ -265,15 +261,6 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
         ));
     }
     task.finish(&IdentificationFile::new(task.origin(), &found), &words, json)
-}
-
-/// The system with its stick taken out of the frame.
-fn free_of_its_frame(stand: &Stand) -> docktwin_physics::mechanism::System {
-    let mut mechanism = stand.system.mechanism().clone();
-    if let Some(stick) = &mut mechanism.stick {
-        stick.frame_opening_m = NO_FRAME_M;
-    }
-    stand.system.with_mechanism(mechanism)
 }
 
 /// Runs `rig calibrate`.
