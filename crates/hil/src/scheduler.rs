@@ -227,7 +227,12 @@ pub struct Running {
     commanded: Pose,
     /// Plate motions commanded for the last ticks, for what sensor B carries.
     past: [PlateMotion; PAST],
-    stop_at: Option<u64>,
+    /// First and last tick of the end.
+    stop_at: Option<[u64; 2]>,
+    /// The rig does not answer.
+    gone: bool,
+    /// Ticks for which the legs have been at rest.
+    resting: u64,
 }
 /// At rest after a run; how it ended.
 #[derive(Debug)]
@@ -244,8 +249,12 @@ pub struct Stopped {
 const PAST: usize = 32;
 /// Time over which the measured wrenches come in after closing, s.
 const CLOSING_S: f64 = 0.02;
-/// Time given to come to rest after the end of a run, s.
-const REST_S: f64 = 0.3;
+/// Time given to come to rest after the end of a run, s: at least, and at most.
+const REST_S: [f64; 2] = [0.3, 3.0];
+/// Leg speed that counts as rest, m/s, and for how long, s; length sensors show some of their own, and
+/// oil swings back.
+const REST_M_S: f64 = 0.005;
+const REST_FOR_S: f64 = 0.05;
 
 #[derive(Clone, Debug)]
 struct Plan {
@@ -496,6 +505,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             commanded: x_bp,
             past: [PlateMotion::rest(x_bp); PAST],
             stop_at: None,
+            gone: false,
+            resting: 0,
         }
     }
 
@@ -557,6 +568,10 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             }
             Some(_) if margin < self.setup.limits.of(Limit::Stroke) => {
                 (false, format!("a leg has {margin:.3} m of stroke left: drive the plate inward"))
+            }
+            Some(x) if half_widths(&self.setup.rig, x) > self.setup.limits.of(Limit::Pose) => {
+                let n = half_widths(&self.setup.rig, x);
+                (false, format!("{n:.2} half-widths from the middle: drive the plate inward"))
             }
             Some(x) => {
                 let p = x.p;
@@ -622,9 +637,14 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         self.state.phase
     }
 
-    /// True when the rig is at rest after the run.
+    /// True when the rig is at rest after the run, or cannot be waited for any longer.
     pub fn finished(&self) -> bool {
-        self.state.stop_at.is_some_and(|t| self.tick >= t)
+        let s = &self.state;
+        let Some([first, last]) = s.stop_at else { return false };
+        let rests = s.resting >= self.ticks(REST_FOR_S);
+        // In lockstep every further tick would wait for a rig that is not there.
+        let alone = K::LOCKSTEP && s.gone;
+        alone || self.tick >= last || (self.tick >= first && rests)
     }
 
     /// Ends the run: the rig comes to rest from the next tick on.
@@ -636,9 +656,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         if self.state.phase != Phase::Stop {
             self.state.phase = Phase::Stop;
             self.state.since = 0;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
-            let rest = (REST_S / self.period_s()).ceil() as u64;
-            self.state.stop_at = Some(self.tick + rest);
+            self.state.stop_at = Some(REST_S.map(|s| self.tick + self.ticks(s)));
         }
     }
 
@@ -726,7 +744,9 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
 
     /// Takes what the rig has measured; true when it is of this tick and can be used.
     fn receive(&mut self) -> Result<bool, RigError> {
-        let fresh = match self.rig.receive(self.setup.patience, self.clock.now_ns()) {
+        let received = self.rig.receive(self.setup.patience, self.clock.now_ns());
+        self.state.gone = received == Err(RigError::Gone);
+        let fresh = match received {
             Ok(Some(m)) => self.take(&m),
             Ok(None) | Err(RigError::Gone) => false,
             Err(RigError::Refused(_)) => {
@@ -735,6 +755,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             }
             Err(e) => return Err(e),
         };
+        let rests = fresh && largest(&self.state.last.leg_speed_m_s) < REST_M_S;
+        self.state.resting = if rests { self.state.resting + 1 } else { 0 };
         if fresh {
             self.state.without = 0;
         } else {
