@@ -168,9 +168,11 @@ class Desk:
 
     def silence(self, now_ns: int) -> RigMeasurement:
         """One period without a command, after the patience with the loop is over."""
+        # From then on along a grid, but never behind by more than a period.
+        on_grid_ns = self.moved_ns + self.period_ns if self.safe else now_ns
+        self.moved_ns = max(min(on_grid_ns, now_ns), now_ns - self.period_ns)
         self.safe = True
         self.ahead += 1
-        self.moved_ns = max(min(now_ns, self.moved_ns + self.period_ns), now_ns - self.period_ns)
         m = self.plant.alone(self.period_ns)
         m.status |= UNASKED
         stamp_ns = self.stamp_ns if self.lockstep else now_ns

@@ -97,7 +97,7 @@ impl SafetyLimits {
                 rig.limits.force_n,
                 force_n,
                 moment_nm,
-                1.3,
+                1.7,
                 0.02,
                 10.0,
                 0.5,

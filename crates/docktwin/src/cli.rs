@@ -167,6 +167,9 @@ pub(crate) struct HilArgs {
     /// Lead, ms [default: as the scenario says, or the delay that is believed]
     #[arg(long, value_name = "MS", value_parser = not_negative)]
     pub(crate) lead_ms: Option<f64>,
+    /// The same to the last bit, for a replay.
+    #[arg(skip)]
+    pub(crate) lead_s: Option<f64>,
     /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
     #[arg(long, value_name = "RIG.toml")]
     pub(crate) model: Option<PathBuf>,
@@ -211,7 +214,38 @@ pub(crate) struct HilArgs {
     pub(crate) pilot: PilotArgs,
 }
 
-fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {
+impl HilArgs {
+    /// An emulated rig in virtual time, nothing else asked for.
+    pub(crate) fn again(scenario: PathBuf) -> Self {
+        Self {
+            scenario,
+            rig: "emulated".to_owned(),
+            clock: ClockArg::Virtual,
+            compensator: None,
+            lead_ms: None,
+            lead_s: None,
+            model: None,
+            out: None,
+            set: Vec::new(),
+            seed: 0,
+            perturb: None,
+            no_rrd: true,
+            dry_run: false,
+            yes: false,
+            allow_best_effort: false,
+            core: None,
+            live: None,
+            pilot: PilotArgs {
+                pilot: false,
+                force_n: None,
+                moment_nm: None,
+                hold_s: docktwin::pilot::HOLD_S,
+            },
+        }
+    }
+}
+
+pub(crate) fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {
     let words = docktwin_scenario::CompensatorChoice::WORDS;
     words
         .into_iter()
@@ -262,7 +296,7 @@ pub(crate) struct PilotArgs {
     pub(crate) hold_s: f64,
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if (0.0..=1e9).contains(&x) => Ok(x),
         _ => Err("a number, not negative, is wanted".to_owned()),

@@ -6,6 +6,7 @@ mod comparison;
 mod plots;
 mod second;
 mod single_dof;
+mod vibro;
 
 use std::{
     path::{Path, PathBuf},
@@ -39,6 +40,9 @@ pub(crate) enum ValidateCommand {
     /// Run the single-DOF HIL simulation of the paper (Fig. 23 to 26) against the simulated system
     #[command(after_help = single_dof::EXAMPLES)]
     SingleDof(single_dof::SingleDofArgs),
+    /// Run Table 4 of the paper, a spring stick between two stops, through the whole loop
+    #[command(after_help = vibro::EXAMPLES)]
+    VibroImpact(vibro::VibroArgs),
 }
 
 const CROSSCHECK: &str = "\
@@ -100,6 +104,7 @@ pub(crate) fn run(command: &ValidateCommand, json: bool) -> Result<ExitCode, Fai
     match command {
         ValidateCommand::Crosscheck(args) => crosscheck(args, json),
         ValidateCommand::SingleDof(args) => single_dof::run(args, json),
+        ValidateCommand::VibroImpact(args) => vibro::run(args, json),
     }
 }
 

@@ -187,3 +187,74 @@ impl Plant for IdealRig {
         self.measure(status::ENABLED)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rig whose docking axis points up and whose plate is turned and shifted.
+    fn tilted() -> (IdealRig, RigCommand) {
+        let x_b3 = Pose::new(
+            DVec3::new(0.25, -0.5, 4.0),
+            DQuat::from_rotation_y(-core::f64::consts::FRAC_PI_2),
+        );
+        let x_4p = Pose::from_translation(DVec3::new(0.3, 0.1, 0.0));
+        let x_34 = Pose::new(DVec3::new(0.03, 0.2, -0.1), DQuat::from_rotation_z(0.2));
+        let x_bp = x_b3 * x_34 * x_4p;
+        let mut c = RigCommand { period_ns: 1_000_000, ..RigCommand::zero() };
+        c.mode = RigMode::Track as u32;
+        c.plate_position_m = x_bp.p.to_array();
+        c.plate_attitude = [x_bp.q.w, x_bp.q.x, x_bp.q.y, x_bp.q.z];
+        c.plate_velocity_m_s = [0.1, 0.2, 0.3];
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/urdf/stewart.urdf");
+        let mut rig = docktwin_model::load_rig(file.as_ref()).expect("the default rig").model;
+        (rig.x_b0, rig.x_03, rig.x_4p) = (x_b3, Pose::IDENTITY, x_4p);
+        (IdealRig::new(&rig, Stops::default(), x_b3 * x_4p), c)
+    }
+
+    fn wrench(x: &[f64; 6]) -> Wrench {
+        Wrench { f: DVec3::new(x[0], x[1], x[2]), m: DVec3::new(x[3], x[4], x[5]) }
+    }
+
+    /// What both ports feel holds itself in balance, whatever the pose: moved to one point and turned
+    /// to one frame, force and moment cancel.
+    #[test]
+    fn invariant_both_ports_are_in_balance() {
+        let (mut rig, c) = tilted();
+        let m = rig.answer(&c);
+        let (f3, f4) = (wrench(&m.truth_port3), wrench(&m.truth_port4));
+        assert!((f3.f - DVec3::X * 35.4e3 * 0.02).length() < 1e-6, "{f3:?}");
+        let x_34 = rig.platform.docking_from_plate(&rig.x_bp);
+        let at_3 = f4.rotated(x_34.q).shifted(-x_34.p);
+        assert!((f3.f + at_3.f).length() < 1e-9 && (f3.m + at_3.m).length() < 1e-9);
+    }
+
+    #[test]
+    fn invariant_it_draws_back_along_the_docking_axis_and_rests_when_alone() {
+        let (mut rig, mut c) = tilted();
+        let before = DVec3::from_array(rig.answer(&c).truth_position_m);
+        c.mode = RigMode::Retract as u32;
+        let m = rig.answer(&c);
+        let gone = DVec3::from_array(m.truth_position_m) - before;
+        assert!((gone - DVec3::Z * RETRACT_M_S * 1e-3).length() < 1e-12, "{gone:?}");
+        let m = rig.alone(1_000_000);
+        assert_eq!(m.truth_twist.map(f64::to_bits), [0; 6]);
+        assert!((DVec3::from_array(m.truth_position_m) - before - gone).length() < 1e-15);
+    }
+
+    #[test]
+    fn oracle_stops_push_back_beyond_the_free_play_alone() {
+        let stops = Stops::default();
+        let turning = Stops { axis: DVec3::Y, lever_m: Some(0.5), ..stops };
+        for (x_m, force_n) in
+            [(0.0, 0.0), (0.01, 0.0), (-0.009, 0.0), (0.011, -35.4), (-0.02, 354.0)]
+        {
+            let w = stops.wrench(&Pose::from_translation(DVec3::new(x_m, 1.0, 2.0)));
+            assert!((w.f - DVec3::X * force_n).length() + w.m.length() < 1e-9, "{x_m} m: {w:?}");
+            let turned = Pose::new(DVec3::splat(1.0), DQuat::from_rotation_y(x_m / 0.5));
+            let w = turning.wrench(&turned);
+            let moment = DVec3::Y * force_n * 0.5;
+            assert!((w.m - moment).length() + w.f.length() < 1e-9, "{x_m} m: {w:?}");
+        }
+    }
+}

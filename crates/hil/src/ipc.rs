@@ -185,7 +185,12 @@ impl<T: fmt::Debug + ZeroCopySend + 'static> Direction<T> {
     }
 
     fn writer(&self) -> Result<Publisher<ipc::Service, T, ()>, PublisherCreateError> {
-        self.data.publisher_builder().max_loaned_samples(1).create()
+        self.data
+            .publisher_builder()
+            .max_loaned_samples(1)
+            // Nobody waits: the oldest message goes.
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
     }
 
     fn notifier(&self) -> Result<Notifier<ipc::Service>, Start> {
@@ -456,7 +461,8 @@ where
 /// A rig in another process, from the loop.
 ///
 /// Stays in the thread that made it: connect on the loop's own thread, before its first tick. From
-/// then on nothing here allocates, locks or logs, as long as the other side stays.
+/// then on nothing here locks or logs, and nothing allocates but iceoryx2 0.10 itself: one block of 48
+/// bytes a command, given back at once. All that holds as long as the other side stays.
 #[derive(Debug)]
 pub struct IpcRig {
     end: End<RigMeasurement, RigCommand>,
@@ -584,10 +590,48 @@ impl Default for ServeOptions {
     }
 }
 
+/// The rig's end as it is, for a bridge that passes messages on to where they are judged. Stays in the
+/// thread that made it.
+#[derive(Debug)]
+pub struct RigPort {
+    end: End<RigCommand, RigMeasurement>,
+}
+
+impl RigPort {
+    /// Opens the rig `name`.
+    ///
+    /// # Errors
+    /// See [`IpcError`].
+    pub fn open(name: &str) -> Result<Self, IpcError> {
+        Ok(Self { end: End::start(name, Side::Rig)? })
+    }
+
+    /// The next command, not judged.
+    ///
+    /// # Errors
+    /// [`RigError::Transport`].
+    pub fn receive(&self) -> Result<Option<RigCommand>, RigError> {
+        self.end.reader.read()
+    }
+
+    /// Sends a measurement and wakes the loop.
+    ///
+    /// # Errors
+    /// [`RigError::Transport`].
+    pub fn send(&self, measurement: &RigMeasurement) -> Result<(), RigError> {
+        self.end.writer.write(measurement)
+    }
+
+    /// Waits until a command may be there, at most `patience`.
+    pub fn wait(&self, patience: Duration) {
+        self.end.reader.wait(patience);
+    }
+}
+
 /// The rig's end: drives any plant. Stays in the thread that made it.
 #[derive(Debug)]
 pub struct RigServer {
-    end: End<RigCommand, RigMeasurement>,
+    port: RigPort,
     desk: RigDesk,
 }
 
@@ -597,7 +641,7 @@ impl RigServer {
     /// # Errors
     /// See [`IpcError`].
     pub fn open(name: &str) -> Result<Self, IpcError> {
-        Ok(Self { end: End::start(name, Side::Rig)?, desk: RigDesk::new() })
+        Ok(Self { port: RigPort::open(name)?, desk: RigDesk::new() })
     }
 
     /// What was seen so far.
@@ -619,20 +663,20 @@ impl RigServer {
     ) -> Result<DeskCounts, RigError> {
         while !stop() {
             let (session, safe) = (self.desk.session(), self.desk.is_safe());
-            let m = match self.end.reader.read()? {
+            let m = match self.port.receive()? {
                 Some(command) => self.desk.command(plant, &command, monotonic_ns()),
                 None => {
                     let now_ns = monotonic_ns();
                     let due_ns = self.desk.due_ns(options.lockstep_patience);
                     if now_ns < due_ns {
                         let patience = Duration::from_nanos(due_ns - now_ns).min(STOP_CHECK);
-                        self.end.reader.wait(patience);
+                        self.port.wait(patience);
                         continue;
                     }
                     self.desk.silence(plant, now_ns)
                 }
             };
-            self.end.writer.write(&m)?;
+            self.port.send(&m)?;
             if let Some(refusal) = Refusal::from_number(m.refusal) {
                 tell(RigEvent::Refused { refusal, tick: m.tick });
             }

@@ -12,3 +12,4 @@ pub mod realtime;
 pub mod rig;
 pub mod scheduler;
 pub mod vibro;
+pub mod wire;

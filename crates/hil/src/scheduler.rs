@@ -50,6 +50,9 @@ pub struct LoopSetup {
     pub bodies: Programme,
     /// Against the delay of the rig.
     pub compensation: Compensation,
+    /// Ticks by which every command is held back, at most [`MOST_ADDED`]: makes a rig as slow as another
+    /// one, to see what that does.
+    pub added_ticks: usize,
     /// Where F4, M4 come from.
     pub scheme: SensorScheme,
     /// What sensor B carries, as believed.
@@ -227,6 +230,8 @@ pub struct Running {
     commanded: Pose,
     /// Plate motions commanded for the last ticks, for what sensor B carries.
     past: [PlateMotion; PAST],
+    /// Motions on their way, for [`LoopSetup::added_ticks`].
+    held_back: [RelativeMotion; MOST_ADDED + 1],
     /// First and last tick of the end.
     stop_at: Option<[u64; 2]>,
     /// The rig does not answer.
@@ -245,6 +250,8 @@ pub struct Stopped {
     pub closed_ticks: u64,
 }
 
+/// Most ticks by which commands can be held back.
+pub const MOST_ADDED: usize = 30;
 /// Commanded motions kept.
 const PAST: usize = 32;
 /// Time over which the measured wrenches come in after closing, s.
@@ -504,6 +511,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             x_bp,
             commanded: x_bp,
             past: [PlateMotion::rest(x_bp); PAST],
+            held_back: [RelativeMotion { x_34: *from, ..RelativeMotion::default() };
+                MOST_ADDED + 1],
             stop_at: None,
             gone: false,
             resting: 0,
@@ -887,7 +896,9 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         if self.state.phase == Phase::Stop {
             return out;
         }
-        let m = self.setup.compensation.compensate(motion);
+        self.state.held_back.rotate_right(1);
+        self.state.held_back[0] = self.setup.compensation.compensate(motion);
+        let m = self.state.held_back[self.setup.added_ticks.min(MOST_ADDED)];
         let plate =
             PlateMotion::of_docking(&self.platform, &m.x_34, &[m.twist, m.acceleration, m.jerk]);
         self.state.past.rotate_right(1);

@@ -1,9 +1,21 @@
 //! One suite for every rig: in process; in shared memory from a thread, from another process, and from
-//! one that is written in Python from the protocol page.
+//! one that is written in Python from the protocol page; over UDP.
 
 mod common;
+#[allow(dead_code, reason = "what stands for the command line")]
+#[path = "../examples/udp_bridge.rs"]
+mod udp_bridge;
 
-use std::{any::Any, time::Duration};
+use std::{
+    any::Any,
+    net::UdpSocket,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
 
 use common::*;
 use docktwin_core::DVec3;
@@ -41,7 +53,7 @@ fn process() -> Option<Bed> {
 
 fn python() -> Option<Bed> {
     let name = unique("python");
-    let child = python_rig(&name)?;
+    let child = python_rig(&name, Sensors::Bare, &[])?;
     let rig = IpcRig::connect(&name, PATIENCE).expect("the rig comes");
     Some(Bed { rig: Box::new(rig), _keep: Some(Box::new(child)) })
 }
@@ -52,6 +64,51 @@ fn rig_process() {
     if let Some(name) = role() {
         serve_until_orphaned(&name, PATIENCE);
     }
+}
+
+/// Both ends of the bridge in threads, on this machine; they end when dropped.
+struct Bridge {
+    stop: Arc<AtomicBool>,
+    ends: Vec<JoinHandle<()>>,
+}
+
+impl Bridge {
+    /// From the loop's name for the rig to its own.
+    fn between(near: &str, far: &str) -> Self {
+        let sockets = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("a port"));
+        let addresses = [&sockets[0], &sockets[1]].map(|s| s.local_addr().expect("bound"));
+        sockets[0].connect(addresses[1]).expect("there");
+        sockets[1].connect(addresses[0]).expect("there");
+        let [a, b] = sockets;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (near, far) = (near.to_owned(), far.to_owned());
+        let (stop_a, stop_b) = (stop.clone(), stop.clone());
+        let near = move || udp_bridge::near(&near, a, || stop_a.load(Ordering::Relaxed));
+        let far = move || udp_bridge::far(&far, b, || stop_b.load(Ordering::Relaxed));
+        let ends = vec![
+            std::thread::spawn(|| near().expect("the near end holds")),
+            std::thread::spawn(|| far().expect("the far end holds")),
+        ];
+        Self { stop, ends }
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for end in self.ends.drain(..) {
+            let ended = end.join();
+            assert!(ended.is_ok() || std::thread::panicking(), "an end has panicked");
+        }
+    }
+}
+
+fn udp() -> Option<Bed> {
+    let (near, far) = (unique("near"), unique("far"));
+    let served = Served::of(&far, ideal());
+    let bridge = Bridge::between(&near, &far);
+    let rig = IpcRig::connect(&near, PATIENCE).expect("the near end comes");
+    Some(Bed { rig: Box::new(rig), _keep: Some(Box::new((bridge, served))) })
 }
 
 /// Every test of the suite, for one kind of rig.
@@ -80,7 +137,7 @@ macro_rules! conforms {
     );)+ };
 }
 
-conforms!(in_process, thread, process, python);
+conforms!(in_process, thread, process, python, udp);
 
 mod suite {
     use super::*;

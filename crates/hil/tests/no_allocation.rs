@@ -8,23 +8,23 @@ use std::{
     hint::black_box,
 };
 
+use common::{
+    MS, PATIENCE, Served, command, ideal, now, start,
+    stick::{Models, axis, emulated, models, settings},
+    unique,
+};
 use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     histogram::{LatencyHistogram, PhaseHistograms},
     in_process::InProcess,
     ipc::IpcRig,
+    port::RigMode,
     rig::Rig,
     scheduler::{Idle, Loop, Phase},
     vibro::{PERIOD_NS, TABLE_4, VibroSettings, VibroTest},
 };
 use docktwin_physics::reduced::Inputs;
-
-use common::{
-    PATIENCE, Served,
-    stick::{Models, axis, emulated, models, settings},
-    unique,
-};
 
 thread_local! {
     // Of this thread only: the test harness has threads of its own.
@@ -99,9 +99,41 @@ fn invariant_clocks_and_histograms_never_ask_for_memory() {
     assert_eq!(asked, 0);
 }
 
-/// Requests that iceoryx2 0.10 makes for each message that it lends out: one of 48 bytes, which is
-/// given back before the message is sent.
-const REQUESTS_OF_A_MESSAGE: u64 = 1;
+/// A session in lockstep, where the loop waits, and one in real time, where it does not.
+fn sessions(rig: &mut dyn Rig) {
+    for tick in 0..100 {
+        let mode = if tick == 0 { RigMode::Idle } else { RigMode::Track };
+        let c = command(1, tick, mode, start());
+        rig.send(&c).expect("sent");
+        let m = rig.receive(PATIENCE, c.loop_time_ns + c.period_ns).expect("judged good");
+        assert_eq!(m.map(|m| m.tick), Some(tick));
+    }
+    let mut heard = 0;
+    for tick in 0..100 {
+        let c = now(command(2, tick, RigMode::Idle, start()));
+        let _ = rig.send(&c);
+        std::thread::sleep(std::time::Duration::from_nanos(MS));
+        heard += u64::from(matches!(rig.receive(std::time::Duration::ZERO, u64::MAX), Ok(Some(_))));
+    }
+    assert!(heard > 0);
+}
+
+/// iceoryx2 0.10 takes a block of 48 bytes for every message that is sent, and gives it back at once;
+/// nothing else.
+#[test]
+fn regress_a_rig_in_another_process_costs_one_small_block_a_command() {
+    let name = unique("allocation");
+    let _served = Served::of(&name, ideal());
+    let mut rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
+    let commands = 200;
+    assert!(requests(|| sessions(&mut rig)) <= commands);
+}
+
+#[test]
+fn invariant_a_rig_in_process_never_asks_for_memory() {
+    let mut rig = InProcess::new(ideal());
+    assert_eq!(requests(|| sessions(&mut rig)), 0);
+}
 
 fn test(m: &Models, row: usize, axes: &[&str]) -> VibroTest {
     let axes: Vec<_> = axes.iter().map(|a| axis(a)).collect();
@@ -162,5 +194,5 @@ fn invariant_a_run_over_shared_memory_asks_for_nothing_of_its_own() {
     let rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
     let idle = Loop::new(test.setup(&m.rig, &s), rig, VirtualClock::new(PERIOD_NS));
     let (asked, ticks) = requests_of_a_run(idle);
-    assert_eq!(asked, ticks * REQUESTS_OF_A_MESSAGE);
+    assert_eq!(asked, ticks, "besides the block of every message");
 }

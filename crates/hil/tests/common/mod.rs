@@ -187,9 +187,18 @@ pub(crate) fn start_again(test: &str, role: &str) -> Process {
     Process(child.expect("a process"))
 }
 
-/// The rig of validation/rig in Python, with sensors that feel the contact alone; nothing where there
-/// is no Python with iceoryx2: `DOCKTWIN_PYTHON`, or the environment that `cargo xtask test` makes.
-pub(crate) fn python_rig(name: &str) -> Option<Process> {
+/// What the sensors of the rig in Python feel.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sensors {
+    /// The contact alone.
+    Bare,
+    /// Weight, inertia and noise too.
+    AsOfSteel,
+}
+
+/// The rig of validation/rig in Python; nothing where there is no Python with iceoryx2:
+/// `DOCKTWIN_PYTHON`, or the environment that `cargo xtask test` makes.
+pub(crate) fn python_rig(name: &str, sensors: Sensors, options: &[&str]) -> Option<Process> {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let made = root.join("target/venv-validation/bin/python");
     let python = std::env::var_os("DOCKTWIN_PYTHON").map_or(made, Into::into);
@@ -200,8 +209,12 @@ pub(crate) fn python_rig(name: &str) -> Option<Process> {
         return None;
     }
     let script = root.join("validation/rig/rig.py");
-    let options = [name, "--bare", "--lockstep-patience", "20"];
-    let child = Command::new(python).arg(script).args(options).spawn();
+    let mut command = Command::new(python);
+    command.arg(script).args([name, "--lockstep-patience", "20"]).args(options);
+    if sensors == Sensors::Bare {
+        command.arg("--bare");
+    }
+    let child = command.spawn();
     Some(Process(child.expect("a process")))
 }
 
