@@ -47,6 +47,7 @@ fn setup(m: &Models, test: &VibroTest) -> LoopSetup {
         corrections: LegCorrections::default(),
         bodies: Programme::new(&test.system, &test.bodies, 1e-3),
         compensation: Compensation::None,
+        added_ticks: 0,
         scheme: SensorScheme::Single,
         payload: Payload::of(m.rig.passive_payload, &m.rig.x_4p.inverse()),
         interface_delay_s: 0.0,

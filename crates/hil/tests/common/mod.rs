@@ -1,6 +1,8 @@
 //! What the suites of the rig port share: a loop's commands, an ideal rig, rigs in other processes.
 #![allow(dead_code, reason = "every suite takes what it needs")]
 
+pub(crate) mod stick;
+
 use std::{
     io::Read as _,
     process::{Child, Command, Stdio},
@@ -46,8 +48,11 @@ pub(crate) fn start() -> Pose {
 }
 
 pub(crate) fn ideal() -> IdealRig {
+    let file =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf/stewart.urdf");
+    let rig = docktwin_model::load_rig(&file).expect("the default rig").model;
     let stops = Stops { middle_m: middle(), ..Stops::default() };
-    IdealRig::new(x_b3(), x_4p(), stops, start())
+    IdealRig::new(&rig, stops, start())
 }
 
 /// A name that no other test uses at the same time.
