@@ -150,6 +150,8 @@ Examples:
   docktwin hil scenarios/apas_nominal.toml --rig emulated
   docktwin hil scenarios/vibro_impact.toml --rig emulated --compensator none
   docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --lead-ms 1.8 --out runs/p7
+  docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7 --out p7.toml
+  docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --identification p7.toml
   docktwin rig emulate models/urdf/stewart.toml --name lab &
   docktwin hil scenarios/apas_nominal.toml --rig ipc:lab --clock realtime --live --yes";
 
@@ -176,6 +178,12 @@ pub(crate) struct HilArgs {
     /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
     #[arg(long, value_name = "RIG.toml")]
     pub(crate) model: Option<PathBuf>,
+    /// File of `rig identify`: null bias and flow gain are corrected, delay and lead are its own
+    #[arg(long, value_name = "FILE")]
+    pub(crate) identification: Option<PathBuf>,
+    /// File of `rig calibrate`: what sensor B carries is its own
+    #[arg(long, value_name = "FILE")]
+    pub(crate) calibration: Option<PathBuf>,
     /// Run directory; by default a new one under `runs`.
     #[arg(long, value_name = "DIR", help = "Run directory [default: runs/<scenario>-<utc>]")]
     pub(crate) out: Option<PathBuf>,
@@ -228,6 +236,8 @@ impl HilArgs {
             lead_ms: None,
             lead_s: None,
             model: None,
+            identification: None,
+            calibration: None,
             out: None,
             set: Vec::new(),
             seed: 0,

@@ -17,6 +17,7 @@ use docktwin::{
     live::Live,
     pilot::{PILOT_HELP, Pilot, PilotLimits, Stick},
     playback::{self, Playback},
+    rigfile::{self, CalibrationFile, IdentificationFile, Origin, Read},
     ring::Ring,
     setup::{inputs_after, start, thrust_ahead, tick_digest},
     signals::{contact_rows, row},
@@ -30,8 +31,10 @@ use docktwin_control::{
 };
 use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
+    calibrate::Calibration,
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
+    identify::Identification,
     in_process::InProcess,
     ipc::IpcRig,
     realtime::{RealtimeSetup, Shortage, relax},
@@ -41,7 +44,7 @@ use docktwin_hil::{
         TickRecord,
     },
 };
-use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
+use docktwin_model::{ForceSensor, HydraulicPreset, Rig as RigModel, load_rig};
 use docktwin_physics::{
     body::BodyState,
     contact::PAIRS,
@@ -72,6 +75,8 @@ use crate::{
 const DEFAULT_RIG: &str = "models/urdf/stewart.urdf";
 /// Folder of a run directory that holds its rig.
 const RIG_FOLDER: &str = "models/rig";
+/// Age at which an identification or a calibration is no longer believed, days.
+const MOST_DAYS: f64 = 30.0;
 /// Fastest of the first move, m/s and rad/s.
 const MOVE_M_S: f64 = 0.1;
 const MOVE_RAD_S: f64 = 0.05;
@@ -126,6 +131,57 @@ struct Prepared<'a> {
     bodies: [BodyState; 3],
     place: Where,
     setup: LoopSetup,
+    known: Known,
+}
+
+/// What was found out about this rig beforehand.
+struct Known {
+    identification: Option<(Read<IdentificationFile>, Identification)>,
+    calibration: Option<(Read<CalibrationFile>, Calibration)>,
+}
+
+impl Known {
+    fn read(args: &HilArgs, rig: &RigModel) -> Result<Self, Failure> {
+        let identification = args
+            .identification
+            .as_deref()
+            .map(|path| {
+                let file = rigfile::read::<IdentificationFile>(path)?;
+                file.made_for(rig)?;
+                let found = file.content.identification().ok_or_else(|| Failure::Usage {
+                    what: format!("the file does not have six legs: {}", path.display()),
+                    remedy: "make it again with `docktwin rig identify`".to_owned(),
+                })?;
+                Ok::<_, Failure>((file, found))
+            })
+            .transpose()?;
+        let calibration = args
+            .calibration
+            .as_deref()
+            .map(|path| {
+                let file = rigfile::read::<CalibrationFile>(path)?;
+                file.made_for(rig)?;
+                let found = file.content.calibration();
+                Ok::<_, Failure>((file, found))
+            })
+            .transpose()?;
+        Ok(Self { identification, calibration })
+    }
+
+    /// Delay of the plate and the lead that undoes plate and sensor, as identified.
+    fn delays_s(&self, sensor: &ForceSensor) -> Option<(f64, f64)> {
+        let found = &self.identification.as_ref()?.1;
+        let sensor = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
+        Some((found.delay_s(), found.lead_s(&sensor)))
+    }
+
+    /// One line for the checklist, and the digest for the record.
+    fn lines(&self) -> [(&'static str, Option<(f64, String)>); 2] {
+        let of = |origin: &Origin, digest: &Digest| (origin.age_days(), digest.to_string());
+        let i = self.identification.as_ref().map(|i| of(&i.0.content.origin, &i.0.digest));
+        let c = self.calibration.as_ref().map(|c| of(&c.0.content.origin, &c.0.digest));
+        [("identification", i), ("calibration", c)]
+    }
 }
 
 impl<'a> Prepared<'a> {
@@ -172,7 +228,11 @@ impl<'a> Prepared<'a> {
         for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
             within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
         }
-        let compensation = compensation(args, scenario, interface_delay_s + lag_s)?;
+        let known = Known::read(args, &rig)?;
+        let (interface_delay_s, lead_s) = known
+            .delays_s(&sensors.force)
+            .unwrap_or((interface_delay_s, interface_delay_s + lag_s));
+        let compensation = compensation(args, scenario, lead_s)?;
         let limits = &scenario.mechanism.limits;
         let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
         let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
@@ -181,10 +241,16 @@ impl<'a> Prepared<'a> {
         let setup = LoopSetup {
             added_ticks,
             feedforward: believed.feedforward(),
-            corrections: LegCorrections::default(),
+            corrections: known
+                .identification
+                .as_ref()
+                .map_or_else(LegCorrections::default, |i| i.1.corrections()),
             compensation,
             scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
-            payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+            payload: known.calibration.as_ref().map_or_else(
+                || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+                |c| c.1.payload,
+            ),
             interface_delay_s,
             limits: SafetyLimits::of_rig(
                 &rig,
@@ -204,7 +270,7 @@ impl<'a> Prepared<'a> {
             dry_run: args.dry_run,
             rig: rig.clone(),
         };
-        Ok(Self { scenario, rig_path, rig, preset, system, bodies, place, setup })
+        Ok(Self { scenario, rig_path, rig, preset, system, bodies, place, setup, known })
     }
 
     fn go(mut self, args: &HilArgs, out: &Path, json: bool) -> Result<Summary, Failure> {
@@ -267,28 +333,53 @@ impl<'a> Prepared<'a> {
             name.set_extension(kind);
             writer.keep_file(&name, &bytes)?;
         }
+        let files = [
+            ("identification", self.known.identification.as_ref().map(|i| &i.0.path)),
+            ("calibration", self.known.calibration.as_ref().map(|c| &c.0.path)),
+        ];
+        for (what, path) in files {
+            let Some(path) = path else { continue };
+            let bytes = std::fs::read(path).map_err(|e| Failure::Usage {
+                what: format!("the {what} cannot be kept with the run: {e}: {}", path.display()),
+                remedy: "run it again when nothing else writes the file".to_owned(),
+            })?;
+            writer.keep_file(&kept_name(what), &bytes)?;
+        }
         Ok(name.to_string_lossy().replace('\\', "/"))
     }
 
     fn checks(&self, args: &HilArgs) -> Result<Vec<Check>, Failure> {
         let emulated = matches!(self.place, Where::InProcess);
-        let mut out = vec![
-            Check {
-                name: "limits",
-                passed: true,
-                found: format!(
-                    "loaded from {}: {:.0} N, {:.0} N·m at the ports",
-                    self.rig_path.display(),
-                    self.setup.limits.of(Limit::Force),
-                    self.setup.limits.of(Limit::Moment)
-                ),
-            },
-            Check {
-                name: "calibration",
-                passed: true,
-                found: "none: the rig's file is believed".to_owned(),
-            },
-        ];
+        let mut out = vec![Check {
+            name: "limits",
+            passed: true,
+            found: format!(
+                "loaded from {}: {:.0} N, {:.0} N·m at the ports",
+                self.rig_path.display(),
+                self.setup.limits.of(Limit::Force),
+                self.setup.limits.of(Limit::Moment)
+            ),
+        }];
+        for (name, known) in self.known.lines() {
+            out.push(match known {
+                None => Check {
+                    name,
+                    passed: true,
+                    found: "none: the rig's file is believed".to_owned(),
+                },
+                Some((days, digest)) => Check {
+                    name,
+                    passed: days < MOST_DAYS,
+                    found: if days < MOST_DAYS {
+                        format!("{days:.1} days old, {}", &digest[..12])
+                    } else {
+                        format!(
+                            "{days:.0} days old: make it again, at most {MOST_DAYS:.0} days count"
+                        )
+                    },
+                },
+            });
+        }
         let tested = emulated || args.yes || confirm()?;
         out.push(Check {
             name: "operator",
@@ -329,6 +420,11 @@ impl<'a> Prepared<'a> {
         .into_iter()
         .map(|(k, v)| (k.to_owned(), v))
         .collect();
+        for (name, known) in self.known.lines() {
+            if let Some((_, digest)) = known {
+                m.insert(format!("digest:{name}"), digest);
+            }
+        }
         for (key, f) in digest_keys(&self.scenario.files) {
             m.insert(key, f.digest.to_string());
         }
@@ -384,6 +480,11 @@ impl<'a> Prepared<'a> {
         }
         recorder.finish(&self, args, &ended, best_effort, wall.elapsed(), json)
     }
+}
+
+/// Where a run directory keeps the file of `rig identify` or `rig calibrate`.
+fn kept_name(what: &str) -> PathBuf {
+    Path::new(RIG_FOLDER).join(format!("{what}.toml"))
 }
 
 /// The scenario with its rig named.
@@ -601,11 +702,16 @@ pub(crate) fn replay(
             .to_owned(),
     };
     let words = CompensatorChoice::WORDS;
+    let kept = |name: &str| {
+        metadata.contains_key(&format!("digest:{name}")).then(|| run.join(kept_name(name)))
+    };
     let args = HilArgs {
         compensator: words.into_iter().find(|(w, _)| *w == of("compensator")).map(|(_, c)| c),
         lead_s: of("lead_s").parse().ok(),
         seed: of("seed").parse().map_err(|_| damaged("no seed".to_owned()))?,
         perturb: of("perturb").parse().ok(),
+        identification: kept("identification"),
+        calibration: kept("calibration"),
         ..HilArgs::again(run.join("scenario.toml"))
     };
     let scenario = load_scenario(&args.scenario, &[])?;

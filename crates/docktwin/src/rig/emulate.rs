@@ -52,7 +52,9 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
             RigEvent::Refused { refusal, tick } => {
                 eprintln!("tick {tick}: refused, {refusal}; holding");
             }
-            RigEvent::Silence { tick } => eprintln!("silence after tick {tick}; holding"),
+            RigEvent::SafeState { tick } => {
+                eprintln!("left the commands after tick {tick}; holding")
+            }
         },
     );
     relax();

@@ -71,6 +71,7 @@ pub(crate) fn mechanism() -> DockingMechanism {
         DVec3::new(x, r * a.cos(), r * a.sin())
     };
     DockingMechanism {
+        stick: None,
         name: "made-up".into(),
         active: SideGeometry { ring, petals: Some(petals) },
         passive: SideGeometry { ring, petals: Some(petals) },
