@@ -251,9 +251,9 @@ fn table(ran: &[Ran]) -> String {
     out
 }
 
-/// Replays one recording of each twin.
+/// Replays one recording of each twin and one against the emulated rig.
 pub(crate) fn replay(root: &Path) -> Result<(), String> {
-    for twin in TWINS {
+    for twin in TWINS.into_iter().chain([HIL]) {
         let run = folder(root).join(format!("{REPLAYED}-{twin}"));
         let mut c = shell::command(root, gate::binary(root), &["replay", "--json"]);
         let (stdout, code, stderr) = shell::capture(c.arg(&run))?;

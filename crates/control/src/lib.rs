@@ -8,10 +8,13 @@
 //! No clock, no file, no physics engine; what runs in the loop does not allocate.
 
 pub mod compensator;
+pub mod excitation;
 pub mod feedforward;
 pub mod filter;
+pub mod harmonic;
 pub mod leg;
 pub mod linear;
+pub mod one_sided;
 pub mod planner;
 pub mod response;
 pub mod rig;

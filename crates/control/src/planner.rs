@@ -9,7 +9,7 @@ use docktwin_core::{DQuat, DVec3, Pose, Twist};
 use docktwin_physics::programme::{Programme, RelativeMotion};
 
 /// `p(u) = 35u⁴ − 84u⁵ + 70u⁶ − 20u⁷`, from 0 to 1, and its first three derivatives.
-fn smooth(u: f64) -> [f64; 4] {
+pub(crate) fn smooth(u: f64) -> [f64; 4] {
     let u = u.clamp(0.0, 1.0);
     let (u2, v) = (u * u, 1.0 - u);
     [
@@ -21,7 +21,7 @@ fn smooth(u: f64) -> [f64; 4] {
 }
 
 /// Integral of [`smooth`] from 0.
-fn smooth_area(u: f64) -> f64 {
+pub(crate) fn smooth_area(u: f64) -> f64 {
     let u = u.clamp(0.0, 1.0);
     let u2 = u * u;
     u2 * u2 * u * (7.0 - u * (14.0 - u * (10.0 - 2.5 * u)))

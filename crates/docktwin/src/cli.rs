@@ -72,6 +72,9 @@ pub(crate) enum Command {
     /// What this machine offers a real-time loop, each shortfall with what mends it
     #[command(after_help = crate::doctor::EXAMPLES)]
     Doctor(crate::doctor::DoctorArgs),
+    /// Emulate a rig, calibrate it, identify it
+    #[command(subcommand)]
+    Rig(crate::rig::RigCommand),
     /// Hold docktwin against something else
     #[command(subcommand)]
     Validate(crate::validate::ValidateCommand),

@@ -26,6 +26,7 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Analyze(command) => analyze::run(command, json),
         Command::Report(args) => report::run(args, json),
         Command::Doctor(args) => crate::doctor::run(args, json),
+        Command::Rig(command) => crate::rig::run(command, json),
         Command::Validate(command) => crate::validate::run(command, json),
         Command::Model(ModelCommand::Check { file }) => {
             let report = docktwin_model::model_check(file);

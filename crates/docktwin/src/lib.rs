@@ -7,6 +7,7 @@ pub mod fidelity;
 pub mod live;
 pub mod pilot;
 pub mod playback;
+pub mod rigfile;
 pub mod ring;
 pub mod setup;
 pub mod signals;

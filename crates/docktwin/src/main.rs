@@ -17,6 +17,7 @@ mod recover;
 mod rehearse;
 mod replay;
 mod report;
+mod rig;
 mod validate;
 mod view;
 

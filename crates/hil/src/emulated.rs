@@ -24,8 +24,8 @@ use crate::{
     rig::Plant,
 };
 
-/// Streams of draws; the legs' have 0 to 5, the rig's 6.
-const SENSOR_STREAM: u64 = 16;
+/// Streams of draws; the legs have 0 to 5, the rig 6; sensors A and B this one and the next.
+pub const SENSOR_STREAM: u64 = 16;
 const NOISE_STREAM: u64 = 32;
 /// Time over which speeds are read off the length sensors, s.
 const SPEED_WINDOW_S: f64 = 0.004;

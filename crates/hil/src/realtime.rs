@@ -5,7 +5,11 @@
 
 #![expect(unsafe_code, reason = "calls of the C library have no checked form")]
 
-use core::{fmt, mem::MaybeUninit};
+use core::{
+    fmt,
+    mem::MaybeUninit,
+    sync::atomic::{AtomicBool, Ordering},
+};
 use std::io;
 
 /// Time of `CLOCK_MONOTONIC`, ns: shared by all processes of this machine, never set back.
@@ -223,6 +227,27 @@ pub fn relax() {
         libc::sched_setscheduler(0, policy, &raw const none);
         libc::munlockall();
     }
+}
+
+/// Set by an interrupt or a request to end, once [`catch_termination`] was called.
+static TERMINATION: AtomicBool = AtomicBool::new(false);
+
+extern "C" fn on_termination(_signal: libc::c_int) {
+    TERMINATION.store(true, Ordering::Relaxed);
+}
+
+/// From now on SIGINT and SIGTERM do not end the process but set the flag that is returned: a rig
+/// comes to rest first.
+pub fn catch_termination() -> &'static AtomicBool {
+    let handler = on_termination as extern "C" fn(libc::c_int) as libc::sighandler_t;
+    for signal in [libc::SIGINT, libc::SIGTERM] {
+        // SAFETY: the handler only stores to an atomic, which is allowed in a signal handler, and
+        // lives as long as the process.
+        unsafe {
+            libc::signal(signal, handler);
+        }
+    }
+    &TERMINATION
 }
 
 fn set_fifo(priority: u8) -> Result<(), Shortfall> {

@@ -96,6 +96,14 @@ pub struct LegCorrections {
     pub flow_gain: [f64; 6],
 }
 
+impl LegCorrections {
+    /// The flow to ask leg `i` for, m/s, so that it gets `flow_speed_m_s`.
+    #[must_use]
+    pub fn flow_speed_m_s(&self, i: usize, flow_speed_m_s: f64) -> f64 {
+        (flow_speed_m_s - self.bias_m_s[i]) / self.flow_gain[i]
+    }
+}
+
 impl Default for LegCorrections {
     fn default() -> Self {
         Self { bias_m_s: [0.0; 6], flow_gain: [1.0; 6] }
@@ -909,11 +917,11 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             out.leg_length_m = [f64::NAN; 6];
             return out;
         };
-        let k = &self.setup.corrections;
         for (i, leg) in c.legs.iter().enumerate() {
             out.leg_length_m[i] = leg.length_m;
             out.leg_speed_m_s[i] = leg.speed_m_s;
-            out.leg_flow_speed_m_s[i] = (leg.flow_speed_m_s - k.bias_m_s[i]) / k.flow_gain[i];
+            out.leg_flow_speed_m_s[i] =
+                self.setup.corrections.flow_speed_m_s(i, leg.flow_speed_m_s);
             out.leg_force_n[i] = leg.force_n;
         }
         let q = plate.x_bp.q;

@@ -74,6 +74,8 @@ pub struct Mounted {
     ring: BodyState,
     step_s: f64,
     steps: u64,
+    /// Ring and mechanism where weight and springs hold each other.
+    rest: Option<(MechanismState, BodyState)>,
 }
 
 impl Mounted {
@@ -94,8 +96,10 @@ impl Mounted {
             state: MechanismState::default(),
             step_s,
             steps: 0,
+            rest: None,
         };
         out.reset();
+        out.rest = Some((out.state.clone(), out.ring));
         out
     }
 
@@ -113,6 +117,10 @@ impl Mounted {
 
     /// Opens the latches and puts the ring to rest, where weight and springs hold each other.
     pub fn reset(&mut self) {
+        if let Some((state, ring)) = &self.rest {
+            (self.state, self.ring, self.steps) = (state.clone(), *ring, 0);
+            return;
+        }
         self.state = MechanismState::default();
         self.steps = 0;
         let x = self.x_wc * self.system.ring_at_rest();

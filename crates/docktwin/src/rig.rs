@@ -1,0 +1,278 @@
+//! `rig`: an emulated rig as a process of its own, and what is to be known of a rig before a loop is
+//! closed around it.
+
+mod emulate;
+mod measure;
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::{Args, Subcommand};
+use docktwin::{rigfile::RigFileError, setup::start};
+use docktwin_core::Pose;
+use docktwin_hil::emulated::EmulatedRig;
+use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
+use docktwin_physics::mechanism::System;
+use docktwin_scenario::{Scenario, load_scenario, resolve_path};
+
+use crate::{
+    cli::{ClockArg, PresetArg},
+    commands::overrides,
+    failure::Failure,
+};
+
+/// `rig …`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum RigCommand {
+    /// Run an emulated rig as a process of its own, on the other end of `ipc:NAME`
+    #[command(after_help = EMULATE)]
+    Emulate(EmulateArgs),
+    /// Find zeros of the force sensors, what they carry, and how late they are
+    #[command(after_help = CALIBRATE)]
+    Calibrate(CalibrateArgs),
+    /// Find null bias, flow gain, delay and frequency response of a rig
+    #[command(after_help = IDENTIFY)]
+    Identify(IdentifyArgs),
+}
+
+const EMULATE: &str = "\
+Says one line when it is ready, and runs until Ctrl-C or SIGTERM; then the rig has stopped and what
+was counted is told. It waits for a loop with the virtual clock, and lives on by itself when the
+clock is real; a loop that falls silent finds it in its safe state, holding.
+
+The mechanism between rack and plate is that of the scenario. A scenario's spring stick stands in
+the middle of its frame, any other mechanism begins drawn back.
+
+Examples:
+  docktwin rig emulate models/urdf/stewart.toml --name lab --allow-best-effort
+  docktwin rig emulate models/urdf/stewart.toml --name lab --scenario scenarios/vibro_impact.toml
+  docktwin rig emulate models/urdf/stewart.toml --name lab --perturb 7     another rig of its kind";
+
+const CALIBRATE: &str = "\
+The plate is tilted to all sides and swung along and about all axes, nothing touching: tare of
+sensor A, and of sensor B its zero, the mass, mass centre and inertia of what it carries, and the
+time by which its samples are later than those of the legs. Takes about a minute of the rig's time.
+
+Sensor A stands still and feels no motion: with --touch-mm a light stick in its frame is swung
+against both ends, and A is compared with B.
+
+The file is dated and never overwritten; `hil` refers to it by digest.
+
+Examples:
+  docktwin rig calibrate --rig emulated --model models/urdf/stewart.toml --perturb 7
+  docktwin rig calibrate --rig emulated --model models/urdf/stewart.toml \\
+      --scenario scenarios/vibro_impact.toml --touch-mm 13.5
+  docktwin rig calibrate --rig ipc:lab --model models/urdf/stewart.toml --yes --out lab/sensors.toml";
+
+const IDENTIFY: &str = "\
+In the order in which one thing hides another: null bias of every valve at standstill, flow gain on
+a slow move along X, delay from time stamps with both corrected, then the response along every
+degree of freedom by sines of the amplitude of a contact, 0.235 to 10 Hz. Takes about four minutes
+of the rig's time; --dof takes less. Nothing may touch: in an emulation a spring stick is taken out
+of its frame.
+
+The file is dated and never overwritten; `hil` refers to it by digest.
+
+Examples:
+  docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7
+  docktwin rig identify --rig emulated --model models/urdf/stewart.toml --dof x --dof y --json
+  docktwin rig identify --rig ipc:lab --model models/urdf/stewart.toml --yes --out lab/legs.toml";
+
+/// Options of `rig emulate`.
+#[derive(Debug, Args)]
+pub(crate) struct EmulateArgs {
+    /// TOML or URDF of the rig, the other beside it
+    rig: PathBuf,
+    /// Name by which loops find it: `ipc:NAME`
+    #[arg(long, value_name = "NAME")]
+    name: String,
+    #[command(flatten)]
+    built: BuiltArgs,
+    /// Run on what the machine grants when it does not grant real time
+    #[arg(long)]
+    allow_best_effort: bool,
+    /// Core that the rig keeps to
+    #[arg(long, value_name = "N")]
+    core: Option<usize>,
+}
+
+/// How an emulated rig is built.
+#[derive(Debug, Args)]
+struct BuiltArgs {
+    /// Scenario whose mechanism stands on the rig [default: scenarios/apas_nominal.toml, found from
+    /// the rig's folder up]
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Override a key of the scenario, repeatable
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    set: Vec<String>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Draw the emulated rig within the spread of its file; controllers still believe the file
+    #[arg(long, value_name = "SEED")]
+    perturb: Option<u64>,
+    /// Oil volume [default: as the rig's file says]
+    #[arg(long, value_enum)]
+    preset: Option<PresetArg>,
+}
+
+/// What `calibrate` and `identify` share.
+#[derive(Debug, Args)]
+struct MeasureArgs {
+    /// The rig: `emulated` in this process, or `ipc:NAME` in another
+    #[arg(long, value_name = "emulated|ipc:NAME")]
+    rig: String,
+    /// TOML or URDF of the rig, the other beside it
+    #[arg(long, value_name = "RIG.toml")]
+    model: PathBuf,
+    #[command(flatten)]
+    built: BuiltArgs,
+    /// What drives the ticks
+    #[arg(long, value_enum, default_value_t = ClockArg::Virtual)]
+    clock: ClockArg,
+    /// Where, X of the origin of e4 from the middle, mm [default: 0 for a spring stick, else 200]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    at_x_mm: Option<f64>,
+    /// File [default: calibrations/<rig>-<command>-<utc>.toml]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Confirm that the emergency stop was tested and nobody is near the rig
+    #[arg(long)]
+    yes: bool,
+    /// Run on what the machine grants when it does not grant real time
+    #[arg(long)]
+    allow_best_effort: bool,
+    /// Core that the loop keeps to, in real time
+    #[arg(long, value_name = "N")]
+    core: Option<usize>,
+}
+
+/// Options of `rig calibrate`.
+#[derive(Debug, Args)]
+pub(crate) struct CalibrateArgs {
+    #[command(flatten)]
+    measure: MeasureArgs,
+    /// File of `rig identify` whose corrections are applied
+    #[arg(long, value_name = "FILE")]
+    identification: Option<PathBuf>,
+    /// Swing a stick along Y against both ends of its frame by this much, mm: finds A's lateness
+    #[arg(long, value_name = "MM", value_parser = touch_mm)]
+    touch_mm: Option<f64>,
+}
+
+/// Options of `rig identify`.
+#[derive(Debug, Args)]
+pub(crate) struct IdentifyArgs {
+    #[command(flatten)]
+    measure: MeasureArgs,
+    /// Degree of freedom whose response is measured, repeatable [default: all]
+    #[arg(long, value_enum)]
+    dof: Vec<crate::cli::AxisArg>,
+    /// Free way along X about the place, mm; a shorter one tells less of the flow gain
+    #[arg(long, value_name = "MM", default_value_t = 200.0, value_parser = room_mm)]
+    room_mm: f64,
+}
+
+fn between(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (least..=most).contains(&x) => Ok(x),
+        _ => Err(format!("a number of millimetres from {least} to {most} is wanted")),
+    }
+}
+
+fn touch_mm(text: &str) -> Result<f64, String> {
+    between(text, 1.0, 16.0)
+}
+
+fn room_mm(text: &str) -> Result<f64, String> {
+    between(text, 5.0, 400.0)
+}
+
+/// Runs the command.
+pub(crate) fn run(command: &RigCommand, json: bool) -> Result<ExitCode, Failure> {
+    match command {
+        RigCommand::Emulate(args) => emulate::run(args, json),
+        RigCommand::Calibrate(args) => measure::calibrate(args, json),
+        RigCommand::Identify(args) => measure::identify(args, json),
+    }
+}
+
+/// Scenario when none is named.
+const DEFAULT_SCENARIO: &str = "scenarios/apas_nominal.toml";
+/// How far a mechanism that is no stick begins from the middle, part of the axial half-width.
+const DRAWN_BACK: f64 = 2.0 / 3.0;
+
+/// Opening of a frame that no stick reaches, m.
+const NO_FRAME_M: f64 = 10.0;
+
+/// A rig, and what stands on it.
+struct Stand {
+    rig: RigModel,
+    preset: HydraulicPreset,
+    system: System,
+    scenario: Scenario,
+}
+
+impl Stand {
+    fn load(rig: &Path, built: &BuiltArgs) -> Result<Self, Failure> {
+        let model = load_rig(rig)?.model;
+        let path = match &built.scenario {
+            Some(path) => path.clone(),
+            None => {
+                resolve_path(rig, Path::new(DEFAULT_SCENARIO)).ok_or_else(|| Failure::Usage {
+                    what: format!("no {DEFAULT_SCENARIO} from the folder of the rig up"),
+                    remedy: "name the scenario whose mechanism stands on the rig: --scenario FILE"
+                        .to_owned(),
+                })?
+            }
+        };
+        let scenario = load_scenario(&path, &overrides(&built.set)?)?;
+        let (system, _) = start(&scenario)?;
+        let preset =
+            built.preset.map_or(model.hydraulics.default_preset, super::cli::PresetArg::preset);
+        Ok(Self { rig: model, preset, system, scenario })
+    }
+
+    /// The stick, if there is one, is taken out of its frame.
+    fn free_the_stick(&mut self) {
+        let s = &self.scenario;
+        let mut mechanism = s.mechanism.clone();
+        if let Some(stick) = &mut mechanism.stick {
+            stick.frame_opening_m = NO_FRAME_M;
+            self.system = System::new(&s.chaser, &s.target, mechanism);
+        }
+    }
+
+    fn has_stick(&self) -> bool {
+        self.system.mechanism().stick.is_some()
+    }
+
+    /// Where nothing touches, `X_34`.
+    fn clear(&self) -> Pose {
+        let x = if self.has_stick() { 0.0 } else { DRAWN_BACK };
+        self.rig.docking.pose([x, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    fn emulated(&self, built: &BuiltArgs, at: &Pose) -> Result<EmulatedRig, Failure> {
+        let system = self.system.clone();
+        EmulatedRig::new(&self.rig, self.preset, built.perturb, built.seed, system, at).map_err(
+            |e| Failure::Usage {
+                what: e.to_string(),
+                remedy: "mend the rig's file; models/urdf/stewart.toml is an example".to_owned(),
+            },
+        )
+    }
+}
+
+impl From<RigFileError> for Failure {
+    fn from(e: RigFileError) -> Self {
+        let remedy = match &e {
+            RigFileError::Write { .. } => "files are never overwritten: give a new one with --out",
+            _ => "give a file that `docktwin rig identify` or `rig calibrate` wrote for this rig",
+        };
+        Self::Usage { what: e.to_string(), remedy: remedy.to_owned() }
+    }
+}

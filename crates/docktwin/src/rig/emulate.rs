@@ -1,0 +1,78 @@
+//! `rig emulate`: the emulated rig on the other end of `ipc:NAME`.
+
+use std::{process::ExitCode, sync::atomic::Ordering};
+
+use docktwin_hil::{
+    ipc::{RigEvent, RigServer, ServeOptions},
+    realtime::{RealtimeSetup, Shortage, catch_termination, relax},
+};
+use serde_json::json;
+
+use super::{EmulateArgs, Stand};
+use crate::failure::Failure;
+
+/// Runs the command.
+pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure> {
+    let stand = Stand::load(&args.rig, &args.built)?;
+    let mut plant = stand.emulated(&args.built, &stand.clear())?;
+    let usage = |e: &dyn core::fmt::Display, remedy: &str| Failure::Usage {
+        what: e.to_string(),
+        remedy: remedy.to_owned(),
+    };
+    let mut server = RigServer::open(&args.name)
+        .map_err(|e| usage(&e, "a rig that still runs under this name is ended with Ctrl-C"))?;
+    let shortage = if args.allow_best_effort { Shortage::BestEffort } else { Shortage::Refuse };
+    let realtime = RealtimeSetup { core: args.core, ..RealtimeSetup::default() };
+    let report = realtime.apply(shortage).map_err(|e| {
+        usage(&e, "`docktwin doctor` tells more; a loop in virtual time needs none")
+    })?;
+    let stop = catch_termination();
+    if as_json {
+        println!(
+            "{}",
+            json!({ "ready": format!("ipc:{}", args.name), "rig": stand.rig.name,
+                "mechanism": stand.scenario.name, "best_effort": report.is_best_effort() })
+        );
+    } else {
+        println!(
+            "ready: ipc:{}, {}, {}, mechanism of {}{}",
+            args.name,
+            stand.rig.name,
+            stand.preset.word(),
+            stand.scenario.name,
+            if report.is_best_effort() { ", best effort" } else { "" }
+        );
+    }
+    let served = server.serve(
+        &mut plant,
+        ServeOptions::default(),
+        || stop.load(Ordering::Relaxed),
+        |event| match event {
+            RigEvent::Session(n) => eprintln!("a loop begins session {n}"),
+            RigEvent::Refused { refusal, tick } => {
+                eprintln!("tick {tick}: refused, {refusal}; holding");
+            }
+            RigEvent::Silence { tick } => eprintln!("silence after tick {tick}; holding"),
+        },
+    );
+    relax();
+    let counts =
+        served.map_err(|e| usage(&e, "start the rig again; see the rights on /dev/shm"))?;
+    if as_json {
+        println!(
+            "{}",
+            json!({ "commands": counts.commands, "refused": counts.refused_in_all(),
+                "missed": counts.missed, "late": counts.late, "safe_states": counts.safe_states })
+        );
+    } else {
+        println!(
+            "ended: {} commands, {} refused, {} missed, {} late, {} times in the safe state",
+            counts.commands,
+            counts.refused_in_all(),
+            counts.missed,
+            counts.late,
+            counts.safe_states
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,521 @@
+//! What `rig identify` and `rig calibrate` write, dated, and runs refer to by digest.
+
+use std::path::{Path, PathBuf};
+
+use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, Wrench};
+use docktwin_hil::{
+    calibrate::Calibration,
+    identify::{Identification, Pass, ResponsePoint},
+};
+use docktwin_model::{HydraulicPreset, Rig};
+use docktwin_physics::mounted::Payload;
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// Version of both files.
+const SCHEMA: u32 = 1;
+/// Degrees of freedom by name.
+pub const DOFS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+/// A day, s.
+const DAY_S: f64 = 86_400.0;
+/// A file larger than this is none of ours.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// Why such a file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RigFileError {
+    /// Not readable.
+    #[error("it cannot be read ({why}): {}", path.display())]
+    Read {
+        /// Where.
+        path: PathBuf,
+        /// As the system says it.
+        why: String,
+    },
+    /// Not what it should be.
+    #[error("it is not a file of `docktwin rig {command}` ({why}): {}", path.display())]
+    Content {
+        /// What writes such files.
+        command: &'static str,
+        /// Line and key.
+        why: String,
+        /// Where.
+        path: PathBuf,
+    },
+    /// A number out of range.
+    #[error(
+        "{key} is {value}, which no rig has; run `docktwin rig {command}` again: {}",
+        path.display()
+    )]
+    Value {
+        /// What writes such files.
+        command: &'static str,
+        /// Which.
+        key: String,
+        /// Its value.
+        value: f64,
+        /// Where.
+        path: PathBuf,
+    },
+    /// Of another rig.
+    #[error(
+        "it was made for a rig file of digest {made_for}, and this one has {is}: run `docktwin rig \
+         {command}` again for this rig"
+    )]
+    Rig {
+        /// What writes such files.
+        command: &'static str,
+        /// Digest in the file.
+        made_for: String,
+        /// Digest of the rig.
+        is: String,
+    },
+    /// Not writable.
+    #[error("it cannot be written ({why}), give a new file with --out: {}", path.display())]
+    Write {
+        /// Where.
+        path: PathBuf,
+        /// As the system says it.
+        why: String,
+    },
+}
+
+/// How the file came to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// Instant, UTC, as 2026-11-22T10:15:00Z.
+    pub made_utc: String,
+    /// Version of docktwin.
+    pub tool_version: String,
+    /// Name of the rig.
+    pub rig: String,
+    /// Digest of the rig's URDF and TOML.
+    pub rig_digest: String,
+    /// `emulated` or `ipc:NAME`.
+    pub port: String,
+    /// Oil that controllers believe in.
+    pub preset: String,
+    /// Seed of an emulated rig's noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Seed of an emulated rig's draw.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub perturb: Option<u64>,
+    /// `p_34` where it was measured, m.
+    pub place_m: [f64; 3],
+    /// `R_34` there: w, x, y, z.
+    pub place_attitude: [f64; 4],
+}
+
+impl Origin {
+    /// Of now, for a rig.
+    #[must_use]
+    pub fn now(rig: &Rig, preset: HydraulicPreset, port: &str, place: &Pose) -> Self {
+        let q = place.q;
+        Self {
+            made_utc: Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string(),
+            tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+            rig: rig.name.clone(),
+            rig_digest: rig.digest.to_string(),
+            port: port.to_owned(),
+            preset: preset.word().to_owned(),
+            seed: None,
+            perturb: None,
+            place_m: place.p.to_array(),
+            place_attitude: [q.w, q.x, q.y, q.z],
+        }
+    }
+
+    /// Days since it was made; infinitely many when the instant is none.
+    #[must_use]
+    pub fn age_days(&self) -> f64 {
+        let made: Result<Timestamp, _> = self.made_utc.parse();
+        made.map_or(f64::INFINITY, |t| Timestamp::now().duration_since(t).as_secs_f64() / DAY_S)
+    }
+
+    fn place(&self) -> Pose {
+        let [w, x, y, z] = self.place_attitude;
+        Pose::new(DVec3::from_array(self.place_m), DQuat::from_xyzw(x, y, z, w).normalize())
+    }
+}
+
+/// A leg as identified.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LegRecord {
+    /// Null bias, part of full stroke.
+    pub null_bias: f64,
+    /// Flow gain over what the controller believes.
+    pub flow_gain: f64,
+    /// Speed with the valve fully open, as believed, m/s.
+    pub no_load_speed_m_s: f64,
+    /// Length error at standstill, m.
+    pub hold_error_m: f64,
+    /// Lag on a slow move, s.
+    pub lag_s: f64,
+    /// The same four with corrections: what is left.
+    pub corrected_null_bias: f64,
+    /// See `corrected_null_bias`.
+    pub corrected_flow_gain: f64,
+    /// See `corrected_null_bias`.
+    pub corrected_hold_error_m: f64,
+    /// See `corrected_null_bias`.
+    pub corrected_lag_s: f64,
+}
+
+/// A point of G_MSim.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResponseRecord {
+    /// Degree of freedom, of [`DOFS`].
+    pub dof: String,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Amplitude of a translation, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amplitude_m: Option<f64>,
+    /// Amplitude of a rotation, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amplitude_rad: Option<f64>,
+    /// Gain.
+    pub gain: f64,
+    /// Phase, degrees; late is negative.
+    pub phase_deg: f64,
+    /// Largest response of another degree of freedom.
+    pub coupling: f64,
+    /// What does not swing with the drive, over the amplitude.
+    pub rest: f64,
+}
+
+/// File of `rig identify`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentificationFile {
+    /// 1.
+    pub schema: u32,
+    /// `rig_identification`.
+    pub kind: String,
+    /// How it came to be.
+    pub origin: Origin,
+    /// From the instant a command is for to the instant the plate is there, s.
+    pub delay_s: f64,
+    /// The same without corrections: what a ramp alone would have told.
+    pub uncorrected_lag_s: f64,
+    /// Legs 0 to 5.
+    pub leg: Vec<LegRecord>,
+    /// G_MSim.
+    #[serde(default)]
+    pub response: Vec<ResponseRecord>,
+}
+
+/// File of `rig calibrate`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationFile {
+    /// 1.
+    pub schema: u32,
+    /// `rig_calibration`.
+    pub kind: String,
+    /// How it came to be.
+    pub origin: Origin,
+    /// Reading of A with nothing touching, N.
+    pub tare_a_n: [f64; 3],
+    /// The same, moments, N·m.
+    pub tare_a_nm: [f64; 3],
+    /// Zero of B, N.
+    pub zero_b_n: [f64; 3],
+    /// The same, moments, N·m.
+    pub zero_b_nm: [f64; 3],
+    /// What B carries, kg.
+    pub payload_mass_kg: f64,
+    /// Its mass centre from B, m.
+    pub payload_com_m: [f64; 3],
+    /// Its inertia about its mass centre, kg·m².
+    pub payload_inertia_kg_m2: [[f64; 3]; 3],
+    /// Delay of A's readings against positions of the same stamp, beyond its second order, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_a_s: Option<f64>,
+    /// The same of B.
+    pub delay_b_s: f64,
+    /// What is left unexplained, root mean square, N.
+    pub rest_n: f64,
+    /// The same, moments, N·m.
+    pub rest_nm: f64,
+}
+
+/// A file as read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Read<T> {
+    /// What it says.
+    pub content: T,
+    /// Digest of its bytes, by which runs refer to it.
+    pub digest: Digest,
+    /// Where it was read.
+    pub path: PathBuf,
+}
+
+/// What both files have in common.
+pub trait RigFile: Serialize + DeserializeOwned {
+    /// `kind` in the file.
+    const KIND: &'static str;
+    /// What writes it.
+    const COMMAND: &'static str;
+
+    /// Schema and kind as read.
+    fn head(&self) -> (u32, &str);
+
+    /// How it came to be.
+    fn origin(&self) -> &Origin;
+
+    /// Numbers with the range that they may have.
+    fn numbers(&self) -> Vec<(String, f64, [f64; 2])>;
+}
+
+impl RigFile for IdentificationFile {
+    const KIND: &'static str = "rig_identification";
+    const COMMAND: &'static str = "identify";
+
+    fn head(&self) -> (u32, &str) {
+        (self.schema, &self.kind)
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    fn numbers(&self) -> Vec<(String, f64, [f64; 2])> {
+        let mut out = vec![("delay_s".to_owned(), self.delay_s, [-0.01, 0.1])];
+        // A missing leg is told as a number of legs.
+        #[expect(clippy::cast_precision_loss, reason = "a handful")]
+        out.push(("number of legs".to_owned(), self.leg.len() as f64, [6.0, 6.0]));
+        for (i, l) in self.leg.iter().enumerate() {
+            out.push((format!("leg.{i}.null_bias"), l.null_bias, [-0.2, 0.2]));
+            out.push((format!("leg.{i}.flow_gain"), l.flow_gain, [0.2, 5.0]));
+            out.push((format!("leg.{i}.no_load_speed_m_s"), l.no_load_speed_m_s, [1e-3, 100.0]));
+        }
+        for (i, r) in self.response.iter().enumerate() {
+            let known = DOFS.contains(&r.dof.as_str());
+            out.push((format!("response.{i}.dof"), f64::from(u8::from(known)), [1.0, 1.0]));
+            out.push((format!("response.{i}.frequency_hz"), r.frequency_hz, [1e-3, 1e3]));
+            out.push((format!("response.{i}.gain"), r.gain, [0.0, 100.0]));
+            out.push((format!("response.{i}.phase_deg"), r.phase_deg, [-180.0, 180.0]));
+        }
+        out
+    }
+}
+
+impl RigFile for CalibrationFile {
+    const KIND: &'static str = "rig_calibration";
+    const COMMAND: &'static str = "calibrate";
+
+    fn head(&self) -> (u32, &str) {
+        (self.schema, &self.kind)
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    fn numbers(&self) -> Vec<(String, f64, [f64; 2])> {
+        let mut out = vec![
+            ("payload_mass_kg".to_owned(), self.payload_mass_kg, [1e-6, 1e6]),
+            ("delay_b_s".to_owned(), self.delay_b_s, [-0.01, 0.1]),
+            ("delay_a_s".to_owned(), self.delay_a_s.unwrap_or(0.0), [-0.01, 0.1]),
+        ];
+        let vectors = [
+            ("tare_a_n", self.tare_a_n),
+            ("tare_a_nm", self.tare_a_nm),
+            ("zero_b_n", self.zero_b_n),
+            ("zero_b_nm", self.zero_b_nm),
+            ("payload_com_m", self.payload_com_m),
+        ];
+        let rows = self.payload_inertia_kg_m2.map(|r| ("payload_inertia_kg_m2", r));
+        for (key, v) in vectors.into_iter().chain(rows) {
+            out.extend(v.map(|x| (key.to_owned(), x, [-1e6, 1e6])));
+        }
+        out
+    }
+}
+
+/// Reads such a file; unknown keys are refused.
+///
+/// # Errors
+/// See [`RigFileError`].
+pub fn read<T: RigFile>(path: &Path) -> Result<Read<T>, RigFileError> {
+    let unread = |why: String| RigFileError::Read { path: path.to_owned(), why };
+    let size = std::fs::metadata(path).map_err(|e| unread(e.to_string()))?.len();
+    if size > MOST_BYTES {
+        return Err(unread(format!("{size} bytes are too many")));
+    }
+    let bytes = std::fs::read(path).map_err(|e| unread(e.to_string()))?;
+    let digest = Digest::of_bytes(&bytes);
+    let content =
+        |why: String| RigFileError::Content { command: T::COMMAND, why, path: path.to_owned() };
+    let text = String::from_utf8(bytes).map_err(|e| content(e.to_string()))?;
+    let found: T = toml::from_str(&text).map_err(|e| content(e.to_string().trim().to_owned()))?;
+    let (schema, kind) = found.head();
+    if schema != SCHEMA || kind != T::KIND {
+        return Err(content(format!("it is `{kind}`, schema {schema}")));
+    }
+    for (key, value, [least, most]) in found.numbers() {
+        if !(least..=most).contains(&value) {
+            let path = path.to_owned();
+            return Err(RigFileError::Value { command: T::COMMAND, key, value, path });
+        }
+    }
+    Ok(Read { content: found, digest, path: path.to_owned() })
+}
+
+impl<T: RigFile> Read<T> {
+    /// Whether it was made for this rig.
+    ///
+    /// # Errors
+    /// [`RigFileError::Rig`].
+    pub fn made_for(&self, rig: &Rig) -> Result<(), RigFileError> {
+        let (made_for, is) = (&self.content.origin().rig_digest, rig.digest.to_string());
+        if *made_for == is {
+            return Ok(());
+        }
+        Err(RigFileError::Rig { command: T::COMMAND, made_for: made_for.clone(), is })
+    }
+}
+
+/// Writes such a file; one that is there is never overwritten.
+///
+/// # Errors
+/// [`RigFileError::Write`].
+pub fn write<T: RigFile>(path: &Path, content: &T) -> Result<Digest, RigFileError> {
+    let failed = |why: String| RigFileError::Write { path: path.to_owned(), why };
+    let text = toml::to_string(content).map_err(|e| failed(e.to_string()))?;
+    let text = format!(
+        "# Written by `docktwin rig {}`. Every unit stands in its key.\n{text}",
+        T::COMMAND
+    );
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| failed(e.to_string()))?;
+    }
+    let file = std::fs::File::create_new(path);
+    let written = file.and_then(|mut f| std::io::Write::write_all(&mut f, text.as_bytes()));
+    written.map_err(|e| failed(e.to_string()))?;
+    Ok(Digest::of_bytes(text.as_bytes()))
+}
+
+impl IdentificationFile {
+    /// Of a rig as identified.
+    #[must_use]
+    pub fn new(origin: Origin, found: &Identification) -> Self {
+        let (a, b) = (&found.found, &found.corrected);
+        let leg = |i: usize| LegRecord {
+            null_bias: a.null_bias[i],
+            flow_gain: a.flow_gain[i],
+            no_load_speed_m_s: found.no_load_speed_m_s[i],
+            hold_error_m: a.hold_error_m[i],
+            lag_s: a.leg_lag_s[i],
+            corrected_null_bias: b.null_bias[i],
+            corrected_flow_gain: b.flow_gain[i],
+            corrected_hold_error_m: b.hold_error_m[i],
+            corrected_lag_s: b.leg_lag_s[i],
+        };
+        let response = found.response.iter().map(|p| ResponseRecord {
+            dof: DOFS[p.dof % 6].to_owned(),
+            frequency_hz: p.hz,
+            amplitude_m: (p.dof < 3).then_some(p.amplitude),
+            amplitude_rad: (p.dof >= 3).then_some(p.amplitude),
+            gain: p.gain.norm(),
+            phase_deg: p.gain.arg().to_degrees(),
+            coupling: p.coupling,
+            rest: p.rest,
+        });
+        Self {
+            schema: SCHEMA,
+            kind: Self::KIND.to_owned(),
+            origin,
+            delay_s: found.delay_s(),
+            uncorrected_lag_s: a.lag_s,
+            leg: (0..6).map(leg).collect(),
+            response: response.collect(),
+        }
+    }
+
+    /// The rig as identified. `None` when there are not six legs.
+    #[must_use]
+    pub fn identification(&self) -> Option<Identification> {
+        let legs: &[LegRecord; 6] = self.leg.as_slice().try_into().ok()?;
+        let of = |read: fn(&LegRecord) -> f64| legs.each_ref().map(read);
+        let response = self.response.iter().map(|r| {
+            let dof = DOFS.iter().position(|d| *d == r.dof)?;
+            let phase = r.phase_deg.to_radians();
+            Some(ResponsePoint {
+                dof,
+                hz: r.frequency_hz,
+                amplitude: r.amplitude_m.or(r.amplitude_rad)?,
+                gain: docktwin_hil::identify::polar(r.gain, phase),
+                coupling: r.coupling,
+                rest: r.rest,
+            })
+        });
+        Some(Identification {
+            found: Pass {
+                null_bias: of(|l| l.null_bias),
+                flow_gain: of(|l| l.flow_gain),
+                hold_error_m: of(|l| l.hold_error_m),
+                leg_lag_s: of(|l| l.lag_s),
+                lag_s: self.uncorrected_lag_s,
+            },
+            corrected: Pass {
+                null_bias: of(|l| l.corrected_null_bias),
+                flow_gain: of(|l| l.corrected_flow_gain),
+                hold_error_m: of(|l| l.corrected_hold_error_m),
+                leg_lag_s: of(|l| l.corrected_lag_s),
+                lag_s: self.delay_s,
+            },
+            no_load_speed_m_s: of(|l| l.no_load_speed_m_s),
+            place: self.origin.place(),
+            response: response.collect::<Option<_>>()?,
+        })
+    }
+}
+
+impl CalibrationFile {
+    /// Of sensors as calibrated.
+    #[must_use]
+    pub fn new(origin: Origin, found: &Calibration) -> Self {
+        let i = found.payload.inertia_kg_m2.transpose().to_cols_array_2d();
+        Self {
+            schema: SCHEMA,
+            kind: Self::KIND.to_owned(),
+            origin,
+            tare_a_n: found.tare_a.f.to_array(),
+            tare_a_nm: found.tare_a.m.to_array(),
+            zero_b_n: found.zero_b.f.to_array(),
+            zero_b_nm: found.zero_b.m.to_array(),
+            payload_mass_kg: found.payload.mass_kg,
+            payload_com_m: found.payload.com_m.to_array(),
+            payload_inertia_kg_m2: i,
+            delay_a_s: found.delay_s[0],
+            delay_b_s: found.delay_s[1].unwrap_or(0.0),
+            rest_n: found.rest[0],
+            rest_nm: found.rest[1],
+        }
+    }
+
+    /// The sensors as calibrated.
+    #[must_use]
+    pub fn calibration(&self) -> Calibration {
+        let wrench =
+            |f: [f64; 3], m: [f64; 3]| Wrench { f: DVec3::from_array(f), m: DVec3::from_array(m) };
+        Calibration {
+            place: self.origin.place(),
+            tare_a: wrench(self.tare_a_n, self.tare_a_nm),
+            zero_b: wrench(self.zero_b_n, self.zero_b_nm),
+            payload: Payload {
+                mass_kg: self.payload_mass_kg,
+                com_m: DVec3::from_array(self.payload_com_m),
+                inertia_kg_m2: DMat3::from_cols_array_2d(&self.payload_inertia_kg_m2).transpose(),
+            },
+            delay_s: [self.delay_a_s, Some(self.delay_b_s)],
+            rest: [self.rest_n, self.rest_nm],
+        }
+    }
+}

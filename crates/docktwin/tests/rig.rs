@@ -1,0 +1,150 @@
+//! `rig emulate`, `rig calibrate`, `rig identify` as users meet them.
+
+use std::{
+    io::{BufRead as _, BufReader},
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+};
+
+use docktwin::rigfile::{CalibrationFile, IdentificationFile, RigFileError, read, write};
+use docktwin_model::load_rig;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn docktwin(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_docktwin"))
+        .args(args)
+        .current_dir(root())
+        .output()
+        .expect("docktwin runs")
+}
+
+const RIG: &str = "models/urdf/stewart.toml";
+
+/// What was measured comes back bit by bit, belongs to its rig, and is refused when it was touched.
+#[test]
+fn invariant_files_come_back_as_they_were_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let text = |path: &Path| path.to_str().expect("plain").to_owned();
+    let legs = at("legs.toml");
+    let done = docktwin(&[
+        "rig",
+        "identify",
+        "--rig",
+        "emulated",
+        "--model",
+        RIG,
+        "--perturb",
+        "7",
+        "--dof",
+        "y",
+        "--out",
+        &text(&legs),
+    ]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let found = read::<IdentificationFile>(&legs).expect("it was just written");
+    let rig = load_rig(&root().join(RIG)).expect("the rig of the repository").model;
+    found.made_for(&rig).expect("it is of this rig");
+    assert!(found.content.origin.age_days() < 1.0);
+    let known = found.content.identification().expect("it is whole");
+    assert_eq!(known.response.len(), 9);
+    // Gain and phase are written, not real and imaginary part.
+    let again = IdentificationFile::new(found.content.origin.clone(), &known);
+    let second = at("again.toml");
+    write(&second, &again).expect("a new file");
+    let again = read::<IdentificationFile>(&second).expect("it was just written");
+    assert_eq!(again.content.leg, found.content.leg);
+    assert!(write(&second, &again.content).is_err(), "written over");
+
+    let sensors = at("sensors.toml");
+    let done = docktwin(&[
+        "rig",
+        "calibrate",
+        "--rig",
+        "emulated",
+        "--model",
+        RIG,
+        "--perturb",
+        "7",
+        "--identification",
+        &text(&legs),
+        "--out",
+        &text(&sensors),
+    ]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let found = read::<CalibrationFile>(&sensors).expect("it was just written");
+    let known = found.content.calibration();
+    assert!((known.payload.mass_kg - 200.0).abs() < 0.5);
+    let back = CalibrationFile::new(found.content.origin.clone(), &known);
+    assert_eq!(back.payload_inertia_kg_m2, found.content.payload_inertia_kg_m2);
+
+    // A key of nobody, a number of no rig, another kind, another rig.
+    let whole = std::fs::read_to_string(&sensors).expect("it is there");
+    let bad = |name: &str, text: String| {
+        let path = at(name);
+        std::fs::write(&path, text).expect("a file");
+        path
+    };
+    let unknown = bad("a.toml", whole.replace("rest_n =", "rest_newton ="));
+    assert!(matches!(read::<CalibrationFile>(&unknown), Err(RigFileError::Content { .. })));
+    let mass = format!("payload_mass_kg = {:?}", found.content.payload_mass_kg);
+    let negative = bad("b.toml", whole.replace(&mass, "payload_mass_kg = nan"));
+    assert!(matches!(read::<CalibrationFile>(&negative), Err(RigFileError::Value { .. })));
+    assert!(matches!(read::<IdentificationFile>(&sensors), Err(RigFileError::Content { .. })));
+    let other = bad("c.toml", whole.replace(&found.content.origin.rig_digest, "0000"));
+    let other = read::<CalibrationFile>(&other).expect("well formed");
+    assert!(matches!(other.made_for(&rig), Err(RigFileError::Rig { .. })));
+}
+
+/// A rig in a process of its own is identified as one in this process, bit by bit, and ends with
+/// counts.
+#[test]
+fn invariant_a_rig_in_another_process_is_the_same_rig() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let name = format!("test-{}", std::process::id());
+    let mut rig = Command::new(env!("CARGO_BIN_EXE_docktwin"))
+        .args(["rig", "emulate", RIG, "--name", &name, "--perturb", "7", "--allow-best-effort"])
+        .current_dir(root())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("docktwin runs");
+    let mut said = BufReader::new(rig.stdout.take().expect("piped")).lines();
+    let ready = said.next().expect("a line").expect("text");
+    assert!(ready.starts_with(&format!("ready: ipc:{name}")), "{ready}");
+    let port = format!("ipc:{name}");
+    let found: Vec<_> = ["emulated", port.as_str()]
+        .iter()
+        .enumerate()
+        .map(|(i, port)| {
+            let path = folder.path().join(format!("{i}.toml"));
+            let done = docktwin(&[
+                "rig",
+                "identify",
+                "--rig",
+                port,
+                "--yes",
+                "--model",
+                RIG,
+                "--perturb",
+                "7",
+                "--dof",
+                "x",
+                "--out",
+                path.to_str().expect("plain"),
+            ]);
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            let f = read::<IdentificationFile>(&path).expect("it was just written").content;
+            (f.delay_s.to_bits(), f.leg, f.response)
+        })
+        .collect();
+    assert_eq!(found[0], found[1]);
+    let killed = Command::new("kill").args(["-TERM", &rig.id().to_string()]).status();
+    assert!(killed.expect("kill is there").success());
+    let last = said.next().expect("a line").expect("text");
+    assert!(last.starts_with("ended: ") && last.contains(" 0 refused"), "{last}");
+    assert!(rig.wait().expect("it was started here").success());
+}

@@ -1,0 +1,416 @@
+//! What the force sensors carry, where their zeros are and how late they are, found by motions in which
+//! nothing touches (§5).
+//!
+//! Tilts to all sides turn the weight and part it from the zero; sines along and about all axes bring
+//! in inertia. A sine is looked at by what swings with it in readings and in the measured motion of
+//! the plate, so no acceleration is differentiated sample by sample, and zero and drift fall out.
+//! Mass, mass centre and inertia enter the wrench linearly; the time by which the reading is later
+//! than the motion turns its phase, and all sines together give one time.
+//!
+//! Sensor A stands still and feels no motion. Its lateness is that of B and what the two differ by in
+//! the same touch: with a light stick in its frame, on the third harmonic of a sine that strikes both
+//! ends, where the plate's inertia is next to nothing.
+
+use core::f64::consts::TAU;
+
+use docktwin_control::{
+    excitation::{Sine, along, displacement},
+    harmonic::Harmonic,
+    sensing::opposite,
+};
+use docktwin_core::{DMat3, DQuat, DVec3, Pose, Twist, Wrench};
+use docktwin_model::ForceSensor;
+use docktwin_physics::mounted::Payload;
+use nalgebra::{Complex, DMatrix, DVector, SVector};
+
+use crate::{
+    clock::Clock,
+    drive::{Drive, DriveError, Sample, wrench},
+    identify::sensor_interface,
+    rig::Rig,
+};
+
+type C = Complex<f64>;
+/// Mass, mass times mass centre, inertia about the sensor (xx, yy, zz, xy, xz, yz), zero of B.
+const UNKNOWNS: usize = 16;
+type Row = SVector<f64, UNKNOWNS>;
+
+/// How the rig is moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CalibrateSetup {
+    /// Both force sensors as the rig's file says.
+    pub sensor: ForceSensor,
+    /// Where it is moved about, `X_34`.
+    pub place: Pose,
+    /// Tilt in pitch and in yaw, each way, rad.
+    pub tilt_rad: f64,
+    /// Frequency of the sines, Hz, 0.5 to 10.
+    pub hz: f64,
+    /// Their amplitudes along the axes, m, and about them, rad.
+    pub amplitude: [f64; 2],
+    /// A touch that also finds the lateness of sensor A; needs a light stick in its frame.
+    pub touch: Option<Touch>,
+}
+
+/// A sine that strikes the frame of the stick at both ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Degree of freedom, 0 to 2.
+    pub dof: usize,
+    /// Amplitude, m: beyond the play.
+    pub amplitude_m: f64,
+    /// Frequency, Hz.
+    pub hz: f64,
+}
+
+impl CalibrateSetup {
+    /// About a place, 0.08 rad of tilt, sines of 6 mm and 6 mrad at 3 Hz, no touch.
+    #[must_use]
+    pub const fn at(place: Pose, sensor: ForceSensor) -> Self {
+        Self { sensor, place, tilt_rad: 0.08, hz: 3.0, amplitude: [6e-3, 6e-3], touch: None }
+    }
+}
+
+/// Why nothing was calibrated.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrateError {
+    /// The drive ended.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
+    /// Too few measurements.
+    #[error("too few measurements came of a motion: see what delays the rig or the loop")]
+    TooFew,
+    /// The readings do not follow the motion.
+    #[error(
+        "sensor B does not feel the motion of the plate: see that it is alive and carries something"
+    )]
+    Blind,
+    /// The touch was none.
+    #[error("the touch was not felt by both sensors: take a larger amplitude, or see the stick")]
+    NoTouch,
+}
+
+/// The force sensors as calibrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration {
+    /// Where, `X_34`.
+    pub place: Pose,
+    /// Reading of A with nothing touching: zero and weight of what it carries.
+    pub tare_a: Wrench,
+    /// Reading of B without what it carries: its zero.
+    pub zero_b: Wrench,
+    /// What B carries, seen from B.
+    pub payload: Payload,
+    /// From the instant of a position sample to that of a force sample of the same stamp, s, beyond the
+    /// second order of the file: the delay of the sensor's chain. A's only after a touch.
+    pub delay_s: [Option<f64>; 2],
+    /// Root mean square of what swings with the sines and is not explained, N and N·m.
+    pub rest: [f64; 2],
+}
+
+impl Calibration {
+    /// The file's sensor (0: A, 1: B) with its delay as calibrated; as the file says without one.
+    #[must_use]
+    pub fn sensor(&self, which: usize, file: &ForceSensor) -> ForceSensor {
+        let delay_s = self.delay_s[which].unwrap_or(file.delay_s);
+        ForceSensor { delay_s, ..*file }
+    }
+
+    /// Lateness of a slow force in the readings of a sensor, s.
+    #[must_use]
+    pub fn lag_s(&self, which: usize, file: &ForceSensor) -> f64 {
+        sensor_interface(&self.sensor(which, file)).lag_s()
+    }
+}
+
+/// What swings in a sine: displacement of the plate, readings of A and of B.
+#[derive(Clone, Copy, Debug)]
+struct Swing {
+    rate_rad_s: f64,
+    motion: [C; 6],
+    a: [C; 6],
+    b: [C; 6],
+}
+
+const SETTLE_S: f64 = 0.5;
+const REST_S: f64 = 1.0;
+/// Time at which a sine is looked at, s.
+const SINE_S: f64 = 4.0;
+/// Multiples of a sine that are told apart.
+const MULTIPLES: usize = 5;
+/// Rounds in which lateness and masses settle on each other.
+const ROUNDS: u32 = 8;
+
+fn six(w: &Wrench) -> [f64; 6] {
+    [w.f.x, w.f.y, w.f.z, w.m.x, w.m.y, w.m.z]
+}
+
+/// The wrench that a payload makes, by unknowns: gravity and acceleration of the sensor in its axes.
+/// What goes with the square of angular velocity swings twice as fast and is left out.
+fn rows(gravity: DVec3, acceleration: &Twist, zero: f64) -> [Row; 6] {
+    let mut out = [Row::zeros(); 6];
+    let (g, alpha) = (gravity - acceleration.v, acceleration.w);
+    let mut put = |unknown: usize, w: Wrench| {
+        for (row, x) in out.iter_mut().zip(six(&w)) {
+            row[unknown] = x;
+        }
+    };
+    put(0, Wrench { f: g, m: DVec3::ZERO });
+    for (i, e) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
+        put(1 + i, Wrench { f: -alpha.cross(e), m: e.cross(g) });
+        put(10 + i, Wrench { f: e * zero, m: DVec3::ZERO });
+        put(13 + i, Wrench { f: DVec3::ZERO, m: e * zero });
+    }
+    let a = alpha.to_array();
+    for (k, (i, j)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+        let mut m = [0.0; 3];
+        m[i] -= a[j];
+        if i != j {
+            m[j] -= a[i];
+        }
+        put(4 + k, Wrench { f: DVec3::ZERO, m: DVec3::from_array(m) });
+    }
+    out
+}
+
+/// The same for what swings, in axes of `e4`.
+fn swing_rows(s: &Swing, q_34: DQuat, gravity_4: DVec3) -> [[Row; 6]; 2] {
+    let w2 = s.rate_rad_s * s.rate_rad_s;
+    [0, 1].map(|part| {
+        let x = s.motion.map(|c| if part == 0 { c.re } else { c.im });
+        let p = q_34.conjugate() * DVec3::new(x[0], x[1], x[2]);
+        let turn = q_34.conjugate() * DVec3::new(x[3], x[4], x[5]);
+        // Turning the sensor turns gravity back in its axes.
+        rows(gravity_4.cross(turn), &Twist { v: p * -w2, w: turn * -w2 }, 0.0)
+    })
+}
+
+fn swing<R: Rig, K: Clock>(
+    drive: &mut Drive<R, K>,
+    place: &Pose,
+    sine: &Sine,
+    multiple: usize,
+) -> Result<Swing, CalibrateError> {
+    let mut h = Harmonic::<18>::new(TAU * sine.hz, MULTIPLES);
+    let window = sine.ramp_s + SETTLE_S..sine.ramp_s + sine.steady_s;
+    drive.run(
+        sine.duration_s(),
+        |t| sine.at(t),
+        |s| {
+            if window.contains(&s.time_s) {
+                let mut x = [0.0; 18];
+                x[..6].copy_from_slice(&displacement(place, &s.x_34));
+                x[6..12].copy_from_slice(&s.measurement.sensor_a);
+                x[12..].copy_from_slice(&s.measurement.sensor_b);
+                h.push(s.time_s, &x);
+            }
+        },
+    )?;
+    drive.rest(SETTLE_S, |_| ())?;
+    let x = h.found().ok_or(CalibrateError::TooFew)?.amplitude[multiple - 1];
+    #[expect(clippy::cast_precision_loss, reason = "1 or 3")]
+    let rate_rad_s = TAU * sine.hz * multiple as f64;
+    let take = |from: usize| core::array::from_fn(|i| x[from + i]);
+    Ok(Swing { rate_rad_s, motion: take(0), a: take(6), b: take(12) })
+}
+
+/// Means at rest: readings of A and B, and `X_34`.
+fn at_rest<R: Rig, K: Clock>(
+    drive: &mut Drive<R, K>,
+    place: &Pose,
+) -> Result<([Wrench; 2], Pose), CalibrateError> {
+    drive.go(place)?;
+    drive.rest(SETTLE_S, |_| ())?;
+    let (mut sum, mut n, mut last) = ([Wrench::ZERO; 2], 0.0, *place);
+    drive.rest(REST_S, |s: &Sample| {
+        sum[0] += wrench(&s.measurement.sensor_a);
+        sum[1] += wrench(&s.measurement.sensor_b);
+        n += 1.0;
+        last = s.x_34;
+    })?;
+    if n < 50.0 {
+        return Err(CalibrateError::TooFew);
+    }
+    Ok((sum.map(|w| Wrench { f: w.f / n, m: w.m / n }), last))
+}
+
+/// Drives the rig through tilts and sines and leaves it at the place.
+///
+/// # Errors
+/// See [`CalibrateError`].
+pub fn calibrate<R: Rig, K: Clock>(
+    drive: &mut Drive<R, K>,
+    setup: &CalibrateSetup,
+) -> Result<Calibration, CalibrateError> {
+    let rig = drive.setup().rig.clone();
+    let gravity_4 = |x_34: &Pose| (rig.x_b0 * rig.x_03 * *x_34).q.conjugate() * rig.gravity_m_s2;
+    let place = setup.place;
+    let mut still: Vec<([Row; 6], [f64; 6])> = Vec::new();
+    let mut tare_a = None;
+    for (dof, sign) in [(0, 0.0), (4, 1.0), (4, -1.0), (5, 1.0), (5, -1.0)] {
+        let turn = DQuat::from_scaled_axis(along(dof, sign * setup.tilt_rad).w);
+        let (mean, x_34) = at_rest(drive, &Pose::new(place.p, (turn * place.q).normalize()))?;
+        tare_a.get_or_insert(mean[0]);
+        still.push((rows(gravity_4(&x_34), &Twist::default(), 1.0), six(&mean[1])));
+    }
+    drive.go(&place)?;
+    let periods = (SINE_S * setup.hz).ceil();
+    let mut swings = Vec::new();
+    for dof in 0..6 {
+        let amplitude = setup.amplitude[dof / 3];
+        let steady_s = SETTLE_S + periods / setup.hz;
+        let sine = Sine { about: place, dof, amplitude, hz: setup.hz, ramp_s: 0.5, steady_s };
+        swings.push(swing(drive, &place, &sine, 1)?);
+    }
+    let g4 = gravity_4(&place);
+    let known = solve(&still, &swings, place.q, g4, &setup.sensor)?;
+    let mut out = Calibration {
+        place,
+        tare_a: tare_a.unwrap_or_default(),
+        zero_b: known.zero,
+        payload: known.payload,
+        delay_s: [None, Some(setup.sensor.delay_s + known.late_s)],
+        rest: known.rest,
+    };
+    if let Some(touch) = setup.touch {
+        let apart = touch_skew(drive, setup, &touch, &known.unknowns, known.late_s, g4)?;
+        out.delay_s[0] = Some(setup.sensor.delay_s + known.late_s + apart);
+    }
+    Ok(out)
+}
+
+struct Known {
+    unknowns: Row,
+    payload: Payload,
+    zero: Wrench,
+    late_s: f64,
+    rest: [f64; 2],
+}
+
+/// Reading of B before its lag, brought forward by `late_s`.
+fn unlagged(b: &[C; 6], rate_rad_s: f64, sensor: &ForceSensor, late_s: f64) -> [C; 6] {
+    let h = sensor_interface(sensor).at(rate_rad_s / TAU);
+    let turn = C::new(0.0, rate_rad_s * late_s).exp() / h;
+    b.map(|x| x * turn)
+}
+
+fn solve(
+    still: &[([Row; 6], [f64; 6])],
+    swings: &[Swing],
+    q_34: DQuat,
+    gravity_4: DVec3,
+    sensor: &ForceSensor,
+) -> Result<Known, CalibrateError> {
+    let turned: Vec<_> = swings.iter().map(|s| swing_rows(s, q_34, gravity_4)).collect();
+    let n = 6 * still.len() + 12 * swings.len();
+    let mut a = DMatrix::<f64>::zeros(n, UNKNOWNS);
+    let lines = still.iter().map(|x| &x.0).chain(turned.iter().flatten());
+    for (i, row) in lines.flatten().enumerate() {
+        a.row_mut(i).copy_from(&row.transpose());
+    }
+    let svd = a.clone().svd(true, true);
+    let mut late_s = 0.0;
+    let (mut x, mut b) = (DVector::zeros(UNKNOWNS), DVector::zeros(n));
+    for _ in 0..ROUNDS {
+        let mut put = 0;
+        let mut line = |b: &mut DVector<f64>, values: [f64; 6]| {
+            for v in values {
+                b[put] = v;
+                put += 1;
+            }
+        };
+        for (_, read) in still {
+            line(&mut b, *read);
+        }
+        for s in swings {
+            let read = unlagged(&s.b, s.rate_rad_s, sensor, late_s);
+            line(&mut b, read.map(|c| c.re));
+            line(&mut b, read.map(|c| c.im));
+        }
+        x = svd.solve(&b, 1e-12).map_err(|_| CalibrateError::Blind)?;
+        // What is left of the phase, all sines together.
+        let (mut across, mut square) = (0.0, 0.0);
+        for (s, rows) in swings.iter().zip(&turned) {
+            let w = s.rate_rad_s;
+            let read = unlagged(&s.b, w, sensor, late_s);
+            for (i, r) in read.into_iter().enumerate() {
+                let m = C::new(
+                    rows[0][i].dot(&x.fixed_rows::<UNKNOWNS>(0)),
+                    rows[1][i].dot(&x.fixed_rows::<UNKNOWNS>(0)),
+                );
+                across -= w * (m.conj() * r).im;
+                square += w * w * m.norm_sqr();
+            }
+        }
+        if square <= 0.0 || !square.is_finite() {
+            return Err(CalibrateError::Blind);
+        }
+        late_s += across / square;
+    }
+    let left = &a * &x - b;
+    let mut rest = [0.0; 2];
+    for (i, e) in left.iter().enumerate() {
+        rest[i % 6 / 3] += e * e;
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a hundred rows")]
+    let rest = rest.map(|s: f64| (2.0 * s / n as f64).sqrt());
+    let unknowns: Row = x.fixed_rows::<UNKNOWNS>(0).into_owned();
+    let u = &unknowns;
+    let mass = u[0];
+    if mass <= 0.0 || !mass.is_finite() {
+        return Err(CalibrateError::Blind);
+    }
+    let com = DVec3::new(u[1], u[2], u[3]) / mass;
+    let about_sensor =
+        DMat3::from_cols_array_2d(&[[u[4], u[7], u[8]], [u[7], u[5], u[9]], [u[8], u[9], u[6]]]);
+    // Steiner: from the sensor to the mass centre.
+    let outer = DMat3::from_cols(com * com.x, com * com.y, com * com.z);
+    let steiner = (DMat3::from_diagonal(DVec3::splat(com.length_squared())) - outer) * mass;
+    Ok(Known {
+        payload: Payload { mass_kg: mass, com_m: com, inertia_kg_m2: about_sensor - steiner },
+        zero: Wrench { f: DVec3::new(u[10], u[11], u[12]), m: DVec3::new(u[13], u[14], u[15]) },
+        unknowns,
+        late_s,
+        rest,
+    })
+}
+
+/// How much later sensor A is than B, s.
+fn touch_skew<R: Rig, K: Clock>(
+    drive: &mut Drive<R, K>,
+    setup: &CalibrateSetup,
+    touch: &Touch,
+    unknowns: &Row,
+    late_s: f64,
+    gravity_4: DVec3,
+) -> Result<f64, CalibrateError> {
+    const MULTIPLE: usize = 3;
+    let place = setup.place;
+    let Touch { dof, amplitude_m: amplitude, hz } = *touch;
+    let steady_s = SETTLE_S + (SINE_S * hz).ceil() / hz;
+    let sine = Sine { about: place, dof, amplitude, hz, ramp_s: 1.0, steady_s };
+    let s = swing(drive, &place, &sine, MULTIPLE)?;
+    let rows = swing_rows(&s, place.q, gravity_4);
+    let b = unlagged(&s.b, s.rate_rad_s, &setup.sensor, late_s);
+    let a = unlagged(&s.a, s.rate_rad_s, &setup.sensor, late_s);
+    let part = |x: &[C; 6], im: bool| {
+        let x = x.map(|c| if im { c.im } else { c.re });
+        wrench(&x)
+    };
+    let at_4 = [false, true].map(|im| opposite(&part(&a, im), &place).f);
+    let (mut across, mut square) = (0.0, 0.0);
+    for i in 0..3 {
+        let of_b = b[i] - C::new(rows[0][i].dot(unknowns), rows[1][i].dot(unknowns));
+        let of_a = C::new(at_4[0][i], at_4[1][i]);
+        across -= (of_b.conj() * of_a).im;
+        square += of_b.norm_sqr();
+    }
+    // A touch is far above noise.
+    if square.sqrt() < LEAST_TOUCH_N {
+        return Err(CalibrateError::NoTouch);
+    }
+    Ok(across / square / s.rate_rad_s)
+}
+
+/// Least third harmonic of a touch, N.
+const LEAST_TOUCH_N: f64 = 5.0;

@@ -1,0 +1,371 @@
+//! A rig that is led through motions with nothing in its way: what identification and calibration
+//! share. It has a session of its own, the clock it is given, and its own supervisor; a rig in process
+//! and a rig of steel are driven alike.
+
+use core::time::Duration;
+
+use docktwin_control::{
+    feedforward::{Feedforward, MotionError, PlateMotion},
+    planner::Move,
+    safety::{SafetyLimits, Supervisor, Trip, Watched, half_widths},
+};
+use docktwin_core::{DVec3, Pose, Wrench};
+use docktwin_model::Rig as RigModel;
+use docktwin_physics::{platform::Platform, programme::RelativeMotion};
+
+use crate::{
+    clock::Clock,
+    port::{RigCommand, RigMeasurement, RigMode, flag, status},
+    rig::{Rig, RigError},
+    scheduler::LegCorrections,
+};
+
+/// What a drive needs.
+#[derive(Clone, Debug)]
+pub struct DriveSetup {
+    /// The rig as its file says.
+    pub rig: RigModel,
+    /// What every leg is told, by what is believed of them.
+    pub feedforward: Feedforward,
+    /// What was identified of every leg before and is to be undone.
+    pub corrections: LegCorrections,
+    /// What ends the drive; the force is that by which sensor A may change: nothing is to touch.
+    pub limits: SafetyLimits,
+    /// Fastest move from place to place, m/s and rad/s.
+    pub speed: [f64; 2],
+    /// Number of this session at the port, not 0.
+    pub session: u64,
+    /// How long to wait for a measurement: in lockstep the rig's time, else next to nothing.
+    pub patience: Duration,
+}
+
+/// Why a drive ended.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum DriveError {
+    /// The rig does not answer, or the connection is broken.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// It does not get ready.
+    #[error("the rig does not get ready: clear its fault, release its emergency stop, reset it")]
+    NotReady,
+    /// It stands in no pose.
+    #[error("the leg lengths belong to no pose: check the length sensors and the rig's file")]
+    Pose,
+    /// The motion cannot be commanded.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// A limit was passed.
+    #[error(
+        "the rig was stopped: {} reached {:.4}, allowed is {:.4}; mend the cause, or take a place \
+         and an amplitude with more room", .0.limit.name(), .0.value, .0.allowed
+    )]
+    Trip(Trip),
+}
+
+/// A measurement of a motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Its instant, s since the motion's begin.
+    pub time_s: f64,
+    /// `X_34` from the measured lengths.
+    pub x_34: Pose,
+    /// All of it.
+    pub measurement: RigMeasurement,
+}
+
+/// Ticks in which a rig must have become ready.
+const READY_TICKS: u32 = 500;
+/// Sessions begun before a rig counts as not ready: it may have reset itself in the first.
+const SESSIONS: u32 = 3;
+/// Ticks of rest before, and of stopping after.
+const REST_TICKS: u32 = 20;
+const STOP_TICKS: u32 = 300;
+/// Commanded poses kept for the tracking error: the command before last is for now.
+const PAST: usize = 3;
+
+/// A rig on the lead.
+#[derive(Debug)]
+pub struct Drive<R, K> {
+    setup: DriveSetup,
+    platform: Platform,
+    rig: R,
+    clock: K,
+    supervisor: Supervisor,
+    tick: u64,
+    /// Where it is told to be at rest.
+    at: Pose,
+    x_bp: Pose,
+    past: [Pose; PAST],
+    last: RigMeasurement,
+    /// Sensor A before the first motion.
+    untouched: Option<DVec3>,
+    without: u32,
+}
+
+/// A wrench of six numbers at the port.
+#[must_use]
+pub fn wrench(x: &[f64; 6]) -> Wrench {
+    Wrench { f: DVec3::new(x[0], x[1], x[2]), m: DVec3::new(x[3], x[4], x[5]) }
+}
+
+fn seconds(ns: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "hours are far below 2^53 ns")]
+    let s = ns as f64 * 1e-9;
+    s
+}
+
+fn largest(x: &[f64; 6]) -> f64 {
+    // A NaN must come through.
+    x.iter().fold(0.0, |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a })
+}
+
+impl<R: Rig, K: Clock> Drive<R, K> {
+    /// Takes the rig over: idle, then holding, until it is ready.
+    ///
+    /// # Errors
+    /// It does not answer or does not get ready.
+    pub fn start(setup: DriveSetup, rig: R, clock: K) -> Result<Self, DriveError> {
+        let platform = setup.feedforward.platform().clone();
+        let x_bp = platform.middle();
+        let mut out = Self {
+            supervisor: Supervisor::new(setup.limits),
+            at: platform.docking_from_plate(&x_bp),
+            setup,
+            platform,
+            rig,
+            clock,
+            tick: 0,
+            x_bp,
+            past: [x_bp; PAST],
+            last: RigMeasurement::zero(),
+            untouched: None,
+            without: 0,
+        };
+        out.clock.start();
+        for _ in 0..SESSIONS {
+            if out.gets_ready()? {
+                let found = out.platform.forward(&out.last.leg_length_m, &out.x_bp);
+                out.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+                out.at = out.platform.docking_from_plate(&out.x_bp);
+                out.past = [out.x_bp; PAST];
+                out.untouched = Some(wrench(&out.last.sensor_a).f);
+                return Ok(out);
+            }
+            // A rig leaves its safe state with a new session only.
+            out.setup.session += 1;
+        }
+        Err(if out.last.session == 0 { RigError::Gone.into() } else { DriveError::NotReady })
+    }
+
+    /// Idle, then holding, until the rig has been ready for a while.
+    fn gets_ready(&mut self) -> Result<bool, DriveError> {
+        let mut ready = 0;
+        for i in 0..READY_TICKS {
+            let mode = if i < REST_TICKS { RigMode::Idle } else { RigMode::Hold };
+            let fresh = self.still(mode)?;
+            let fit = self.last.has(status::ENABLED) && !self.left();
+            ready = if fresh && fit && i > REST_TICKS { ready + 1 } else { 0 };
+            if ready > REST_TICKS {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The set-up.
+    pub const fn setup(&self) -> &DriveSetup {
+        &self.setup
+    }
+
+    /// The kinematics that it believes in.
+    pub const fn platform(&self) -> &Platform {
+        &self.platform
+    }
+
+    /// What the legs are corrected by from now on.
+    pub const fn correct(&mut self, corrections: LegCorrections) {
+        self.setup.corrections = corrections;
+    }
+
+    fn left(&self) -> bool {
+        let m = &self.last;
+        m.has(status::SAFE_STATE) || m.has(status::EMERGENCY_STOP) || m.has(status::LIMIT_SWITCH)
+    }
+
+    fn blank(&self, mode: RigMode, due_ns: u64) -> RigCommand {
+        let mut c = RigCommand::zero();
+        c.mode = mode as u32;
+        c.flags = if K::LOCKSTEP { flag::LOCKSTEP } else { 0 };
+        c.session = self.setup.session;
+        c.tick = self.tick;
+        (c.loop_time_ns, c.wakeup_ns) = (due_ns, due_ns);
+        c.period_ns = self.clock.period_ns();
+        c
+    }
+
+    /// Waits for the next tick and takes what there is: when it was due, and whether there was
+    /// anything.
+    fn next(&mut self) -> Result<(u64, bool), DriveError> {
+        let w = self.clock.wait();
+        self.tick += w.missed;
+        let fresh = match self.rig.receive(self.setup.patience, self.clock.now_ns()) {
+            Ok(Some(m)) => {
+                self.last = m;
+                true
+            }
+            Ok(None) | Err(RigError::Refused(_) | RigError::Gone) => false,
+            Err(e) => return Err(e.into()),
+        };
+        self.without = if fresh { 0 } else { self.without + 1 };
+        Ok((w.due_ns, fresh))
+    }
+
+    fn send(&mut self, c: &RigCommand) -> Result<(), DriveError> {
+        self.rig.send(c)?;
+        self.tick += 1;
+        Ok(())
+    }
+
+    /// A tick without motion.
+    fn still(&mut self, mode: RigMode) -> Result<bool, DriveError> {
+        let (due_ns, fresh) = self.next()?;
+        let c = self.blank(mode, due_ns);
+        self.send(&c)?;
+        Ok(fresh)
+    }
+
+    fn command(&mut self, motion: &RelativeMotion, due_ns: u64) -> Result<RigCommand, DriveError> {
+        let m = motion;
+        let rates = [m.twist, m.acceleration, m.jerk];
+        let plate = PlateMotion::of_docking(&self.platform, &m.x_34, &rates);
+        let legs = self.setup.feedforward.command(&plate)?.legs;
+        let mut out = self.blank(RigMode::Track, due_ns);
+        for (i, leg) in legs.iter().enumerate() {
+            out.leg_length_m[i] = leg.length_m;
+            out.leg_speed_m_s[i] = leg.speed_m_s;
+            out.leg_flow_speed_m_s[i] =
+                self.setup.corrections.flow_speed_m_s(i, leg.flow_speed_m_s);
+            out.leg_force_n[i] = leg.force_n;
+        }
+        let q = plate.x_bp.q;
+        out.plate_position_m = plate.x_bp.p.to_array();
+        out.plate_attitude = [q.w, q.x, q.y, q.z];
+        out.plate_velocity_m_s = plate.twist.v.to_array();
+        out.plate_rate_rad_s = plate.twist.w.to_array();
+        self.past.rotate_right(1);
+        self.past[0] = plate.x_bp;
+        Ok(out)
+    }
+
+    fn judge(&mut self) -> Result<(), DriveError> {
+        let m = &self.last;
+        let apart = self.past[1].inverse() * self.x_bp;
+        let turned = apart.q.to_scaled_axis().length() * self.platform.plate_radius_m();
+        let margins = self.platform.stroke_margins_m(&m.leg_length_m);
+        let changed = self.untouched.map_or(0.0, |f| (wrench(&m.sensor_a).f - f).length());
+        let watched = Watched {
+            stroke_margin_m: margins.into_iter().fold(f64::INFINITY, f64::min),
+            leg_speed_m_s: largest(&m.leg_speed_m_s),
+            leg_force_n: largest(&m.leg_force_n),
+            force_n: changed,
+            moment_nm: 0.0,
+            pose_half_widths: half_widths(
+                &self.setup.rig,
+                &self.platform.docking_from_plate(&self.x_bp),
+            ),
+            tracking_m: apart.p.length().max(turned),
+            ticks_without: self.without,
+            rig_left: self.left() || !m.has(status::ENABLED),
+        };
+        self.supervisor.judge(&watched, self.tick).map_or(Ok(()), |t| Err(DriveError::Trip(t)))
+    }
+
+    /// Leads the rig along `motion` (by its own time, s) for `duration_s`, and gives every measurement
+    /// to `take`. It must begin where the rig was left, and end at rest. On an error the rig is
+    /// stopped.
+    ///
+    /// # Errors
+    /// See [`DriveError`].
+    pub fn run(
+        &mut self,
+        duration_s: f64,
+        motion: impl Fn(f64) -> RelativeMotion,
+        mut take: impl FnMut(&Sample),
+    ) -> Result<(), DriveError> {
+        let done = self.lead(duration_s, &motion, &mut take);
+        if done.is_err() {
+            // What stopped it matters more than how stopping went.
+            let _ = self.halt();
+        }
+        done
+    }
+
+    fn lead(
+        &mut self,
+        duration_s: f64,
+        motion: &impl Fn(f64) -> RelativeMotion,
+        take: &mut impl FnMut(&Sample),
+    ) -> Result<(), DriveError> {
+        let mut start = None;
+        loop {
+            let (due_ns, fresh) = self.next()?;
+            let start_ns = *start.get_or_insert(due_ns);
+            if fresh {
+                let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
+                self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+            }
+            self.judge()?;
+            if fresh && self.last.stamp_ns >= start_ns {
+                take(&Sample {
+                    time_s: seconds(self.last.stamp_ns - start_ns),
+                    x_34: self.platform.docking_from_plate(&self.x_bp),
+                    measurement: self.last,
+                });
+            }
+            // The command is for the next tick.
+            let time_s = seconds(due_ns + self.clock.period_ns() - start_ns);
+            let m = motion(time_s.min(duration_s));
+            let c = self.command(&m, due_ns)?;
+            self.send(&c)?;
+            self.at = m.x_34;
+            if time_s > duration_s {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Slowly to a place.
+    ///
+    /// # Errors
+    /// See [`DriveError`].
+    pub fn go(&mut self, to: &Pose) -> Result<(), DriveError> {
+        let way = Move::new(&self.at, to, self.setup.speed[0], self.setup.speed[1]);
+        self.run(way.duration_s, |t| way.at(t), |_| ())
+    }
+
+    /// Stays where it is.
+    ///
+    /// # Errors
+    /// See [`DriveError`].
+    pub fn rest(&mut self, duration_s: f64, take: impl FnMut(&Sample)) -> Result<(), DriveError> {
+        let x_34 = self.at;
+        self.run(duration_s, |_| RelativeMotion { x_34, ..RelativeMotion::default() }, take)
+    }
+
+    fn halt(&mut self) -> Result<(), DriveError> {
+        for i in 0..STOP_TICKS {
+            let mode = if i + REST_TICKS < STOP_TICKS { RigMode::Stop } else { RigMode::Idle };
+            self.still(mode)?;
+        }
+        Ok(())
+    }
+
+    /// Brings the rig to rest and lets it go.
+    ///
+    /// # Errors
+    /// The connection is broken.
+    pub fn finish(mut self) -> Result<(R, K), DriveError> {
+        self.halt()?;
+        Ok((self.rig, self.clock))
+    }
+}

@@ -1,0 +1,82 @@
+//! `rig calibrate` against the truth of drawn rigs, through the port.
+
+mod stand;
+
+use docktwin_hil::{
+    calibrate::{CalibrateSetup, Calibration, Touch, calibrate},
+    emulated::SENSOR_STREAM,
+    scheduler::LegCorrections,
+};
+use docktwin_physics::{mechanism::System, sensor::SensorParameters};
+use stand::{Stand, body, free_stick, stick};
+
+fn sensors(stand: &Stand, seed: u64) -> [SensorParameters; 2] {
+    let file = stand.rig.sensors.expect("as the model says").force;
+    [0, 1].map(|i| SensorParameters::drawn(file, seed, SENSOR_STREAM + i))
+}
+
+fn calibrated(stand: &Stand, touch: bool) -> Calibration {
+    let file = stand.rig.sensors.expect("as the model says").force;
+    let mut setup = CalibrateSetup::at(stand.middle(), file);
+    let mut system = free_stick();
+    if touch {
+        setup.touch = Some(Touch { dof: 1, amplitude_m: 0.0135, hz: 2.0 });
+        setup.tilt_rad = 0.015;
+        system = System::new(&body(), &body(), stick());
+    }
+    let mut drive = stand.drive(system, &setup.place, LegCorrections::default());
+    let found = calibrate(&mut drive, &setup).expect("as the model says");
+    drive.finish().expect("as the model says");
+    found
+}
+
+fn judge(stand: &Stand, found: &Calibration, seed: u64) {
+    let [a, b] = sensors(stand, seed);
+    let truth = stand.payload();
+    let (p, t) = (&found.payload, &truth);
+    println!(
+        "{seed}: mass {:.3} for {:.3} kg, centre {} for {} m, late {:+.1} us ({:+.1} us off), rest {:?}",
+        p.mass_kg,
+        t.mass_kg,
+        p.com_m,
+        t.com_m,
+        (found.delay_s[1].expect("as the model says")
+            - stand.rig.sensors.expect("as the model says").force.delay_s)
+            * 1e6,
+        (found.delay_s[1].expect("as the model says") - b.model.delay_s) * 1e6,
+        found.rest,
+    );
+    println!("   inertia {} for {}", p.inertia_kg_m2, t.inertia_kg_m2);
+    println!("   zero {:?} off {}", b.zero, (found.zero_b.f - b.zero.f));
+    assert!((found.delay_s[1].expect("as the model says") - b.model.delay_s).abs() < 5e-5);
+    if let Some(late) = found.delay_s[0] {
+        println!("   A is {:+.1} us off", (late - a.model.delay_s) * 1e6);
+        assert!((late - a.model.delay_s).abs() < 5e-5);
+    }
+    assert!((p.mass_kg / t.mass_kg - 1.0).abs() < 3e-3);
+    assert!((p.com_m - t.com_m).length() < 2e-3);
+    for (x, y) in p.inertia_kg_m2.to_cols_array().iter().zip(t.inertia_kg_m2.to_cols_array()) {
+        assert!((x - y).abs() < 0.6);
+    }
+    assert!((found.zero_b.f - b.zero.f).length() < 5.0);
+}
+
+/// Acceptance: skew of force against position ±50 µs; payload as it is.
+#[test]
+fn oracle_payload_and_skew_are_those_of_the_draw() {
+    for seed in [1, 2, 3, 4] {
+        let stand = Stand::new(Some(seed));
+        judge(&stand, &calibrated(&stand, false), seed);
+    }
+}
+
+/// With a stick in its frame the lateness of sensor A is found too; tilts are then small.
+#[test]
+fn oracle_a_touch_finds_the_skew_of_the_sensor_on_the_rack() {
+    for seed in [5, 6, 7] {
+        let stand = Stand::new(Some(seed));
+        let found = calibrated(&stand, true);
+        assert!(found.delay_s[0].is_some());
+        judge(&stand, &found, seed);
+    }
+}

@@ -1,0 +1,52 @@
+//! `rig identify` against the truth of drawn rigs, through the port.
+
+mod stand;
+
+use docktwin_model::HydraulicPreset;
+use stand::{Stand, TICK_S};
+
+/// Acceptance: delay ±0.1 ms, null bias ±0.03 % of spool, flow gain ±1 %. Where the bypass leaks (the
+/// stiff preset), an error of the leakage believed cannot be told from null bias.
+#[test]
+fn oracle_bias_gain_and_delay_are_those_of_the_draw() {
+    for (preset, seed) in [
+        (HydraulicPreset::Printed, 1),
+        (HydraulicPreset::Printed, 2),
+        (HydraulicPreset::Printed, 3),
+        (HydraulicPreset::Consistent, 4),
+        (HydraulicPreset::Consistent, 5),
+    ] {
+        let stand = Stand { preset, ..Stand::new(Some(seed)) };
+        let (truth, found) = (stand.truth(), stand.identified(Vec::new(), Vec::new()));
+        // A command is for the tick after it was given.
+        let delay_s = truth.dead_time_s - TICK_S;
+        println!("{preset:?} {seed}: delay {delay_s:.6} s, found {:.6} s", found.delay_s());
+        assert!((found.delay_s() - delay_s).abs() < 1e-4);
+        for i in 0..6 {
+            let (is, was) = (&truth.legs[i], &truth.believed_legs[i]);
+            let gain = is.no_load_speed_m_s() / was.no_load_speed_m_s();
+            let bias_error = found.found.null_bias[i] - is.valve.null_bias;
+            let gain_error = found.found.flow_gain[i] / gain - 1.0;
+            println!("   leg {i}: bias error {bias_error:+.1e}, gain error {gain_error:+.1e}");
+            assert!(bias_error.abs() < 3e-4 && gain_error.abs() < 1e-2);
+            // What is left under corrections.
+            let (before, after) = (found.found.hold_error_m[i], found.corrected.hold_error_m[i]);
+            assert!(after.abs() < 2e-6 && after.abs() < 0.5 * before.abs(), "{before} {after}");
+            let apart = (found.corrected.leg_lag_s[i] - found.delay_s()).abs();
+            assert!(apart < 5e-5, "leg {i} is {apart} s from the plate");
+        }
+    }
+}
+
+/// The same rig seen twice is the same rig, and a second look finds nothing left.
+#[test]
+fn invariant_identification_repeats() {
+    let stand = Stand::new(Some(9));
+    let (a, b) = (stand.identified(vec![1], vec![3.0]), stand.identified(vec![1], vec![3.0]));
+    assert_eq!(a, b);
+    let (first, second) = (&a.found, &a.corrected);
+    for i in 0..6 {
+        assert!((first.null_bias[i] - second.null_bias[i]).abs() < 5e-5);
+        assert!((first.flow_gain[i] / second.flow_gain[i] - 1.0).abs() < 2e-3);
+    }
+}
