@@ -3,10 +3,12 @@
 
 mod common;
 
+use std::path::Path;
+
 use common::stick::{Fate, Models, Sent, Spoilt, axis, emulated, models, settings};
 use docktwin_control::{
     compensator::Compensation,
-    safety::{Limit, Trip},
+    safety::{Limit, SafetyLimits, Trip},
 };
 use docktwin_core::{DVec3, Pose};
 use docktwin_hil::{
@@ -563,4 +565,31 @@ fn invariant_a_run_after_a_trip_begins_with_arming() {
     assert_eq!((r.trip, r.phase), (None, Phase::Move));
     running.end();
     assert!(!running.finished());
+}
+
+/// The page for laboratories tells every limit and every line of the checklist, with its default.
+#[test]
+fn invariant_the_page_tells_every_limit() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/bring-up-a-rig.md");
+    let page = std::fs::read_to_string(page).expect("the page");
+    let m = models();
+    let limits = SafetyLimits::of_rig(&m.rig, 1.0, 1.0);
+    for limit in Limit::ALL {
+        let name = format!("| `{}` |", limit.name());
+        let row = page.lines().find(|l| l.starts_with(&name));
+        let row = row.unwrap_or_else(|| panic!("no row for {name}"));
+        let fixed = [Limit::Stroke, Limit::Pose, Limit::Tracking, Limit::Watchdog, Limit::Frozen];
+        if fixed.contains(&limit) {
+            let value = limits.of(limit).to_string();
+            assert!(row.split(' ').any(|word| word == value), "{value} is not in: {row}");
+        }
+    }
+    let (checks, _) = armed(&m, Vec::new(), |m| Ok(Some(m)));
+    for check in checks.expect("armed") {
+        assert!(
+            page.lines().any(|l| l.starts_with("| ") && l.contains(check.name)),
+            "no row for {}",
+            check.name
+        );
+    }
 }

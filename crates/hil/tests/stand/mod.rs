@@ -112,6 +112,7 @@ impl Stand {
             corrections: LegCorrections::default(),
             bodies: Programme::new(system, bodies, TICK_S),
             compensation: Compensation::None,
+            added_ticks: 0,
             scheme: SensorScheme::Single,
             payload: self.payload(),
             interface_delay_s: 1e-3,
