@@ -32,6 +32,11 @@ const STEPS: &[Step] = &[
         run: scenarios::rehearse_all,
     },
     Step {
+        name: "hil",
+        what: "docktwin hil of every file of scenarios/ on the emulated rig, virtual clock",
+        run: scenarios::hil_all,
+    },
+    Step {
         name: "replay",
         what: "docktwin replay of a recording of each twin",
         run: scenarios::replay,

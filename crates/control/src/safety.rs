@@ -1,7 +1,7 @@
 //! The supervisor's limits: what ends a run before steel bends.
 //!
-//! Judged once a tick on measured values only. The first limit passed is kept; what follows from it is
-//! not told apart.
+//! Judged once a tick, before anything is sent, on what was measured and on what is about to be
+//! commanded. The first limit passed is kept; what follows from it is not told apart.
 
 use docktwin_core::{DVec3, Euler, Pose};
 use docktwin_model::Rig;
@@ -28,13 +28,20 @@ pub enum Limit {
     Watchdog,
     /// The rig left the commands of its own: safe state, emergency stop, limit switch, switched off.
     Rig,
+    /// A force sensor at the end of its range: what it says then is not the force.
+    Saturated,
+    /// Measurements in a row in which a force sensor says the same to the last bit.
+    Frozen,
     /// A number that is not finite.
     Finite,
 }
 
 impl Limit {
+    /// How many there are.
+    pub const COUNT: usize = 12;
+
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; Self::COUNT] = [
         Self::Stroke,
         Self::LegSpeed,
         Self::LegForce,
@@ -44,6 +51,8 @@ impl Limit {
         Self::Tracking,
         Self::Watchdog,
         Self::Rig,
+        Self::Saturated,
+        Self::Frozen,
         Self::Finite,
     ];
 
@@ -60,6 +69,8 @@ impl Limit {
             Self::Tracking => "tracking_error_m",
             Self::Watchdog => "ticks_without_measurement",
             Self::Rig => "rig_status",
+            Self::Saturated => "sensor_saturated",
+            Self::Frozen => "sensor_frozen_ticks",
             Self::Finite => "not_finite",
         }
     }
@@ -69,8 +80,11 @@ impl Limit {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyLimits {
     /// By [`Limit`].
-    pub values: [f64; 10],
+    pub values: [f64; Limit::COUNT],
 }
+
+/// A sensor alive shows its noise within so many ticks; arming asks for the same.
+const FROZEN_TICKS: f64 = 20.0;
 
 impl SafetyLimits {
     /// What the rig's file allows, and loads at the ports (N, N·m).
@@ -83,10 +97,12 @@ impl SafetyLimits {
                 rig.limits.force_n,
                 force_n,
                 moment_nm,
-                1.3,
+                1.7,
                 0.02,
                 10.0,
                 0.5,
+                0.5,
+                FROZEN_TICKS,
                 0.5,
             ],
         }
@@ -115,9 +131,9 @@ pub struct Trip {
 /// What is judged in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Watched {
-    /// Least room of a leg, m.
+    /// Least room of a leg, measured or commanded, m.
     pub stroke_margin_m: f64,
-    /// Fastest leg, m/s.
+    /// Fastest leg, measured or commanded, m/s.
     pub leg_speed_m_s: f64,
     /// Strongest leg, N.
     pub leg_force_n: f64,
@@ -125,7 +141,7 @@ pub struct Watched {
     pub force_n: f64,
     /// Moment at a port, N·m.
     pub moment_nm: f64,
-    /// See [`Limit::Pose`].
+    /// See [`Limit::Pose`]; of the measured or the commanded pose.
     pub pose_half_widths: f64,
     /// See [`Limit::Tracking`].
     pub tracking_m: f64,
@@ -133,6 +149,10 @@ pub struct Watched {
     pub ticks_without: u32,
     /// The rig is not following.
     pub rig_left: bool,
+    /// A force sensor is at the end of its range.
+    pub saturated: bool,
+    /// See [`Limit::Frozen`].
+    pub ticks_frozen: u32,
 }
 
 /// Distance of a relative pose from the middle of the docking workspace in half-widths of its box.
@@ -154,18 +174,19 @@ pub struct Supervisor {
     limits: SafetyLimits,
     trip: Option<Trip>,
     /// By [`Limit`]: 1 with nothing used up, 0 at the limit.
-    least_margin: [f64; 10],
+    least_margin: [f64; Limit::COUNT],
 }
 
 impl Supervisor {
     /// Nothing passed yet.
     #[must_use]
     pub const fn new(limits: SafetyLimits) -> Self {
-        Self { limits, trip: None, least_margin: [1.0; 10] }
+        Self { limits, trip: None, least_margin: [1.0; Limit::COUNT] }
     }
 
     /// Judges a tick; the first limit passed stays.
     pub fn judge(&mut self, w: &Watched, tick: u64) -> Option<Trip> {
+        let said = |b: bool| f64::from(u8::from(b));
         let values = [
             w.stroke_margin_m,
             w.leg_speed_m_s,
@@ -175,11 +196,12 @@ impl Supervisor {
             w.pose_half_widths,
             w.tracking_m,
             f64::from(w.ticks_without),
-            f64::from(u8::from(w.rig_left)),
+            said(w.rig_left),
+            said(w.saturated),
+            f64::from(w.ticks_frozen),
         ];
         let finite = values.iter().all(|x| x.is_finite());
-        for (limit, value) in
-            Limit::ALL.into_iter().zip(values.into_iter().chain([f64::from(u8::from(!finite))]))
+        for (limit, value) in Limit::ALL.into_iter().zip(values.into_iter().chain([said(!finite)]))
         {
             let allowed = self.limits.of(limit);
             let (passed, margin) = if limit == Limit::Stroke {
@@ -205,7 +227,7 @@ impl Supervisor {
 
     /// Least margins so far, by [`Limit`]: 1 untouched, 0 at the limit.
     #[must_use]
-    pub const fn least_margins(&self) -> &[f64; 10] {
+    pub const fn least_margins(&self) -> &[f64; Limit::COUNT] {
         &self.least_margin
     }
 }
@@ -217,13 +239,15 @@ const STROKE_SCALE_M: f64 = 0.3;
 mod tests {
     use super::*;
 
-    const LIMITS: SafetyLimits =
-        SafetyLimits { values: [0.02, 0.6, 6e4, 5e3, 3e3, 1.3, 0.02, 10.0, 0.5, 0.5] };
+    const LIMITS: SafetyLimits = SafetyLimits {
+        values: [0.02, 0.6, 6e4, 5e3, 3e3, 1.3, 0.02, 10.0, 0.5, 0.5, FROZEN_TICKS, 0.5],
+    };
 
     #[test]
     fn invariant_every_limit_trips_alone_and_the_first_stays() {
         let good = Watched { stroke_margin_m: 0.3, ..Watched::default() };
-        let cases: [(Limit, fn(&mut Watched)); 10] = [
+        type Case = (Limit, fn(&mut Watched));
+        let cases: [Case; Limit::COUNT] = [
             (Limit::Stroke, |w| w.stroke_margin_m = 0.01),
             (Limit::LegSpeed, |w| w.leg_speed_m_s = 0.61),
             (Limit::LegForce, |w| w.leg_force_n = 7e4),
@@ -233,6 +257,8 @@ mod tests {
             (Limit::Tracking, |w| w.tracking_m = 0.021),
             (Limit::Watchdog, |w| w.ticks_without = 11),
             (Limit::Rig, |w| w.rig_left = true),
+            (Limit::Saturated, |w| w.saturated = true),
+            (Limit::Frozen, |w| w.ticks_frozen = 21),
             (Limit::Finite, |w| w.force_n = f64::NAN),
         ];
         for (limit, spoil) in cases {
@@ -241,7 +267,8 @@ mod tests {
             let mut bad = good;
             spoil(&mut bad);
             assert_eq!(s.judge(&bad, 2).map(|t| (t.limit, t.tick)), Some((limit, 2)));
-            assert_eq!(s.judge(&Watched { leg_speed_m_s: 9.0, ..good }, 3).unwrap().tick, 2);
+            let later = s.judge(&Watched { leg_speed_m_s: 9.0, ..good }, 3);
+            assert_eq!(later.map(|t| t.tick), Some(2));
         }
     }
 }

@@ -170,6 +170,9 @@ pub(crate) struct HilArgs {
     /// Lead, ms [default: as the scenario says, or the delay that is believed]
     #[arg(long, value_name = "MS", value_parser = not_negative)]
     pub(crate) lead_ms: Option<f64>,
+    /// The same to the last bit, for a replay.
+    #[arg(skip)]
+    pub(crate) lead_s: Option<f64>,
     /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
     #[arg(long, value_name = "RIG.toml")]
     pub(crate) model: Option<PathBuf>,
@@ -212,6 +215,37 @@ pub(crate) struct HilArgs {
     pub(crate) live: Option<String>,
     #[command(flatten)]
     pub(crate) pilot: PilotArgs,
+}
+
+impl HilArgs {
+    /// An emulated rig in virtual time, nothing else asked for.
+    pub(crate) fn again(scenario: PathBuf) -> Self {
+        Self {
+            scenario,
+            rig: "emulated".to_owned(),
+            clock: ClockArg::Virtual,
+            compensator: None,
+            lead_ms: None,
+            lead_s: None,
+            model: None,
+            out: None,
+            set: Vec::new(),
+            seed: 0,
+            perturb: None,
+            no_rrd: true,
+            dry_run: false,
+            yes: false,
+            allow_best_effort: false,
+            core: None,
+            live: None,
+            pilot: PilotArgs {
+                pilot: false,
+                force_n: None,
+                moment_nm: None,
+                hold_s: docktwin::pilot::HOLD_S,
+            },
+        }
+    }
 }
 
 pub(crate) fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {

@@ -25,10 +25,10 @@ use docktwin::{
 use docktwin_control::{
     compensator::{Compensation, Compensator as _, MOST_LEAD_S},
     rig::RigSetup,
-    safety::{Limit, SafetyLimits, Trip},
+    safety::{Limit, SafetyLimits, Trip, half_widths},
     sensing::SensorScheme,
 };
-use docktwin_core::{Digest, SimTime, Tick};
+use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
@@ -70,6 +70,8 @@ use crate::{
 
 /// Rig when neither scenario nor command line names one.
 const DEFAULT_RIG: &str = "models/urdf/stewart.urdf";
+/// Folder of a run directory that holds its rig.
+const RIG_FOLDER: &str = "models/rig";
 /// Fastest of the first move, m/s and rad/s.
 const MOVE_M_S: f64 = 0.1;
 const MOVE_RAD_S: f64 = 0.05;
@@ -166,11 +168,18 @@ impl<'a> Prepared<'a> {
         let lag_s = sensors.force.delay_s
             + 2.0 * sensors.force.damping_ratio
                 / (core::f64::consts::TAU * sensors.force.natural_frequency_hz);
+        let run_up_s = run_up_s(&system, &bodies, &programme);
+        for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
+            within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
+        }
         let compensation = compensation(args, scenario, interface_delay_s + lag_s)?;
         let limits = &scenario.mechanism.limits;
         let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
         let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 30")]
+        let added_ticks = (hil.added_delay_s / tick_s).round() as usize;
         let setup = LoopSetup {
+            added_ticks,
             feedforward: believed.feedforward(),
             corrections: LegCorrections::default(),
             compensation,
@@ -186,7 +195,7 @@ impl<'a> Prepared<'a> {
                 speed_m_s: MOVE_M_S,
                 rate_rad_s: MOVE_RAD_S,
                 settle_s: SETTLE_S,
-                run_up_s: run_up_s(&system, &bodies, &programme),
+                run_up_s,
             },
             bodies: programme,
             ticks: scenario.run.ticks(),
@@ -243,6 +252,22 @@ impl<'a> Prepared<'a> {
             what: e.to_string(),
             remedy: format!("mend {}", self.rig_path.display()),
         })
+    }
+
+    /// Copies the rig's files into the run directory; gives the name of the URDF there.
+    fn keep_rig(&self, writer: &RunWriter) -> Result<String, Failure> {
+        let stem = self.rig_path.file_stem().unwrap_or_default();
+        let mut name = Path::new(RIG_FOLDER).join(stem);
+        for kind in ["toml", "urdf"] {
+            let from = self.rig_path.with_extension(kind);
+            let bytes = std::fs::read(&from).map_err(|e| Failure::Usage {
+                what: format!("the rig cannot be kept with the run: {e}: {}", from.display()),
+                remedy: "run it again when nothing else writes the file".to_owned(),
+            })?;
+            name.set_extension(kind);
+            writer.keep_file(&name, &bytes)?;
+        }
+        Ok(name.to_string_lossy().replace('\\', "/"))
     }
 
     fn checks(&self, args: &HilArgs) -> Result<Vec<Check>, Failure> {
@@ -361,6 +386,16 @@ impl<'a> Prepared<'a> {
     }
 }
 
+/// The scenario with its rig named.
+fn with_rig(scenario: &str, rig: &str) -> String {
+    let Ok(mut text) = scenario.parse::<toml_edit::DocumentMut>() else {
+        return scenario.to_owned();
+    };
+    let table = text.entry("loop").or_insert(toml_edit::table());
+    table["rig"] = toml_edit::value(rig);
+    text.to_string()
+}
+
 fn rig_path(args: &HilArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
     if let Some(path) = &args.model {
         return Ok(path.with_extension("urdf"));
@@ -381,7 +416,8 @@ fn compensation(
     believed_s: f64,
 ) -> Result<Compensation, Failure> {
     let hil = &scenario.hil;
-    let lead_s = args.lead_ms.map(|ms| ms * 1e-3).or(hil.lead_s).unwrap_or(believed_s);
+    let asked_s = args.lead_s.or(args.lead_ms.map(|ms| ms * 1e-3));
+    let lead_s = asked_s.or(hil.lead_s).unwrap_or(believed_s);
     let choice = args.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
     if !(0.0..=MOST_LEAD_S).contains(&lead_s) {
         return Err(Failure::Usage {
@@ -432,6 +468,34 @@ fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> 
         time *= 0.8;
     }
     time.max(shortest)
+}
+
+/// The rig can show this pose with room to spare.
+fn within_reach(
+    rig: &RigModel,
+    believed: &RigSetup,
+    x_34: &Pose,
+    what: &str,
+) -> Result<(), Failure> {
+    let c = believed.believed_platform.at(&rig.plate_from_docking(x_34));
+    let margins = believed.believed_platform.stroke_margins_m(&c.length_m);
+    let least = margins.iter().copied().fold(f64::INFINITY, f64::min);
+    let limits = SafetyLimits::of_rig(rig, 0.0, 0.0);
+    let (far, most) = (half_widths(rig, x_34), limits.of(Limit::Pose));
+    if least > limits.of(Limit::Stroke) && far < most {
+        return Ok(());
+    }
+    let p = x_34.p;
+    Err(Failure::Usage {
+        what: format!(
+            "the rig cannot show the {what}, X_34 at ({:.2}, {:.2}, {:.2}) m: {far:.2} half-widths of \
+             the docking workspace from its middle (most {most}), {least:.2} m of stroke left",
+            p.x, p.y, p.z
+        ),
+        remedy: "give a smaller initial.gap_m or other initial conditions; \
+                 `docktwin analyze workspace RIG.toml` tells what the rig reaches"
+            .to_owned(),
+    })
 }
 
 fn confirm() -> Result<bool, Failure> {
@@ -491,6 +555,92 @@ impl Hand {
     }
 }
 
+/// Digest of a tick: bodies, rig and control wrenches.
+fn digest_of(r: &TickRecord) -> Digest {
+    tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control)
+}
+
+/// What of a recorded tick a replay needs.
+#[derive(Clone, Copy)]
+pub(crate) struct RecordedTick {
+    /// Control wrenches.
+    pub(crate) control: Inputs,
+    /// [`Phase`] as a number.
+    pub(crate) phase: u64,
+    /// Of the tick.
+    pub(crate) digest: u64,
+}
+
+/// Runs a recorded loop again: the recorded control wrenches, the same emulated rig, a virtual clock.
+/// `recorded` gives the recorded ticks in their order; the first that differs is told as its number
+/// and both digests.
+///
+/// # Errors
+/// A run that does not repeat: in real time, or against a rig in another process.
+pub(crate) fn replay(
+    run: &Path,
+    metadata: &BTreeMap<String, String>,
+    mut recorded: impl FnMut() -> Result<Option<RecordedTick>, Failure>,
+) -> Result<Option<(u64, u64, u64)>, Failure> {
+    let of = |key: &str| metadata.get(key).map_or("", String::as_str);
+    if of("rig") != "emulated" || of("clock") != "virtual" {
+        return Err(Failure::Usage {
+            what: format!(
+                "a run against `{}` with the {} clock does not repeat bit by bit: {}",
+                of("rig"),
+                of("clock"),
+                run.display()
+            ),
+            remedy: "replay runs with --rig emulated and the virtual clock; `diff` compares others"
+                .to_owned(),
+        });
+    }
+    let damaged = |what: String| Failure::Usage {
+        what: format!("{what}: {}", run.display()),
+        remedy: "run.mcap and the models are not of one run, or damaged; use another copy"
+            .to_owned(),
+    };
+    let words = CompensatorChoice::WORDS;
+    let args = HilArgs {
+        compensator: words.into_iter().find(|(w, _)| *w == of("compensator")).map(|(_, c)| c),
+        lead_s: of("lead_s").parse().ok(),
+        seed: of("seed").parse().map_err(|_| damaged("no seed".to_owned()))?,
+        perturb: of("perturb").parse().ok(),
+        ..HilArgs::again(run.join("scenario.toml"))
+    };
+    let scenario = load_scenario(&args.scenario, &[])?;
+    let prepared = Prepared::new(&args, &scenario)?;
+    if of("digest:rig") != prepared.rig.digest.to_string() || of("preset") != prepared.preset.word()
+    {
+        return Err(damaged("the rig is not the one of the recording".to_owned()));
+    }
+    let rig = prepared.emulated(&args)?;
+    let checks = prepared.checks(&args)?;
+    let mut running = Loop::new(prepared.setup.clone(), rig, VirtualClock::new(1_000_000))
+        .arm(checks)
+        .map_err(|e| damaged(e.to_string()))?
+        .start();
+    let mut next = recorded()?;
+    let mut tick = 0;
+    while let Some(then) = next {
+        if then.phase == Phase::Stop as u64 && running.phase() == Phase::Closed {
+            running.end();
+        }
+        let r = running.tick(&then.control).map_err(|e| damaged(e.to_string()))?;
+        // The way to the initial condition is not recorded.
+        if r.closed_tick.is_none() && tick == 0 {
+            continue;
+        }
+        let now = digest_of(&r).short();
+        if now != then.digest {
+            return Ok(Some((tick, then.digest, now)));
+        }
+        tick += 1;
+        next = recorded()?;
+    }
+    Ok(None)
+}
+
 /// Time of a tick of the closed loop, s.
 fn seconds(closed_tick: u64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 ticks")]
@@ -527,12 +677,21 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
 ) -> (Ended, Recorder<'a>) {
     let mut broken = None;
     let mut closed = 0;
+    // A pilot wants to see what happens as it does; the ticks are those of the virtual clock.
+    let mut pace =
+        hand.stick.is_some().then(|| RealtimeClock::new(1_000_000, OverrunPolicy::CatchUp));
+    if let Some(pace) = &mut pace {
+        pace.start();
+    }
     while !running.finished() {
         let control = if running.phase() == Phase::Closed {
             hand.inputs(seconds(closed))
         } else {
             Inputs::default()
         };
+        if let Some(pace) = &mut pace {
+            pace.wait();
+        }
         match running.tick(&control) {
             Ok(r) => {
                 hand.look(&r);
@@ -668,7 +827,8 @@ impl<'a> Recorder<'a> {
         let writer =
             RunWriter::create(out, hil_columns(), names, &prepared.metadata(args), policy)?;
         models.write(&writer)?;
-        writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
+        let rig = prepared.keep_rig(&writer)?;
+        writer.scenario_toml(&with_rig(&models.refer(&scenario.as_run_toml()), &rig))?;
         let view = if args.no_rrd {
             None
         } else {
@@ -766,7 +926,7 @@ impl<'a> Recorder<'a> {
                 self.lost.get_or_insert(e);
             }
         }
-        let digest = tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control);
+        let digest = digest_of(r);
         if r.closed_tick.is_some() {
             self.run.chain(digest);
         }
@@ -794,13 +954,16 @@ impl<'a> Recorder<'a> {
             l.tick(time, &self.run.row, &self.run.contacts, due);
         }
         self.ticks += 1;
-        r.closed_tick.is_some()
-            && (self.run.monitor.limit().is_some()
-                || (self.scenario.run.stop_when_decided
-                    && self
-                        .run
-                        .monitor
-                        .decided(t, thrust_ahead(&self.scenario.thrusts, self.watcher.state(), t))))
+        if r.closed_tick.is_none() {
+            return false;
+        }
+        // Parted spacecraft leave the rig's workspace: there is nothing more to be learnt.
+        let state = self.watcher.state();
+        let parted = state.mechanism.captured_s().is_none();
+        let ahead = thrust_ahead(&self.scenario.thrusts, state, t);
+        self.run.monitor.limit().is_some()
+            || ((self.scenario.run.stop_when_decided || parted)
+                && self.run.monitor.decided(t, ahead))
     }
 
     fn tell(&mut self, events: Vec<Event>, time: SimTime) {

@@ -17,6 +17,7 @@ use serde_json::json;
 use crate::{
     cli::ReplayArgs,
     failure::{Failure, OTHERWISE},
+    hil::RecordedTick,
     rehearse::digest_keys,
 };
 
@@ -46,6 +47,10 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
             remedy: "the recording is damaged; use another copy".to_owned(),
         })
     };
+    if of("command")? == "hil" {
+        let found = against_rig(&mut reader, &args.run, &metadata)?;
+        return Ok(told(&found, json));
+    }
     let scenario = load_scenario(&args.run.join("scenario.toml"), &[])?;
     same_files(&scenario.files, &metadata, &args.run)?;
     let (tick_nanos, steps) = (number("tick_nanos")?, number("steps_per_tick")?);
@@ -82,6 +87,11 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
             });
         }
     };
+    Ok(told(&found, json))
+}
+
+/// Says what was found.
+fn told(found: &Found, json: bool) -> ExitCode {
     let same = found.first_difference.is_none();
     if json {
         let difference = found.first_difference.map(|(tick, time_s, recorded, replayed)| {
@@ -105,7 +115,66 @@ pub(crate) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
             ),
         }
     }
-    Ok(ExitCode::from(if same { 0 } else { OTHERWISE }))
+    ExitCode::from(if same { 0 } else { OTHERWISE })
+}
+
+/// A run against the emulated rig, once more.
+fn against_rig(
+    reader: &mut RunReader,
+    run: &Path,
+    metadata: &std::collections::BTreeMap<String, String>,
+) -> Result<Found, Failure> {
+    let columns = Columns::find(reader, run)?;
+    let phase = Columns::index(reader, run, "loop_phase")?;
+    let mut found = Found { ticks: 0, cut: None, first_difference: None };
+    let ticks = &mut found.ticks;
+    let difference = crate::hil::replay(run, metadata, || {
+        Ok(reader.next_tick()?.map(|record| {
+            *ticks += 1;
+            RecordedTick {
+                control: columns.control(&record.row),
+                phase: record.row[phase].bits(),
+                digest: record.row[columns.digest].bits(),
+            }
+        }))
+    })?;
+    #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 ticks")]
+    let differs = difference.map(|(tick, then, now)| (tick, tick as f64 * 1e-3, then, now));
+    found.first_difference = differs;
+    found.cut = reader.cut().map(|c| c.to_string());
+    Ok(found)
+}
+
+/// Where control wrenches and digest stand in a row.
+struct Columns {
+    inputs: Vec<usize>,
+    digest: usize,
+}
+
+impl Columns {
+    fn find(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
+        let inputs = input_columns()
+            .iter()
+            .map(|n| Self::index(reader, run, n))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { inputs, digest: Self::index(reader, run, "state_digest")? })
+    }
+
+    fn index(reader: &RunReader, run: &Path, name: &str) -> Result<usize, Failure> {
+        reader.column_index(name).ok_or_else(|| Failure::Usage {
+            what: format!("{} has no column `{name}`", run.display()),
+            remedy: "the recording was made by another version; replay it with that one".to_owned(),
+        })
+    }
+
+    fn control(&self, row: &[Cell]) -> Inputs {
+        let number = |i: usize| f64::from_bits(Cell::bits(row[self.inputs[i]]));
+        let vector = |i: usize| DVec3::new(number(i), number(i + 1), number(i + 2));
+        Inputs {
+            chaser: Wrench { f: vector(0), m: vector(3) },
+            target: Wrench { f: vector(6), m: vector(9) },
+        }
+    }
 }
 
 fn same_files(
@@ -139,25 +208,12 @@ fn compare<T: DockingTwin>(
     steps: u64,
     run: &Path,
 ) -> Result<Found, Failure> {
-    let index = |name: &str| {
-        reader.column_index(name).ok_or_else(|| Failure::Usage {
-            what: format!("{} has no column `{name}`", run.display()),
-            remedy: "the recording was made by another version; replay it with that one".to_owned(),
-        })
-    };
-    let inputs: Vec<usize> =
-        input_columns().iter().map(|n| index(n)).collect::<Result<_, Failure>>()?;
-    let digest = index("state_digest")?;
+    let columns = Columns::find(reader, run)?;
     let mut found = Found { ticks: 0, cut: None, first_difference: None };
     while let Some(record) = reader.next_tick()? {
         found.ticks += 1;
-        let number = |i: usize| f64::from_bits(Cell::bits(record.row[inputs[i]]));
-        let vector = |i: usize| DVec3::new(number(i), number(i + 1), number(i + 2));
-        let control = Inputs {
-            chaser: Wrench { f: vector(0), m: vector(3) },
-            target: Wrench { f: vector(6), m: vector(9) },
-        };
-        let recorded = record.row[digest].bits();
+        let control = columns.control(&record.row);
+        let recorded = record.row[columns.digest].bits();
         let replayed = tick_digest(twin.digest(), &control).short();
         if recorded != replayed {
             found.first_difference =

@@ -178,11 +178,12 @@ impl RigDesk {
     /// One period without a command after the patience with the loop is over: the safe state. The
     /// measurement is for onlookers.
     pub fn silence(&mut self, plant: &mut impl Plant, now_ns: u64) -> RigMeasurement {
+        // From then on along a grid, but never behind by more than a period.
+        let on_grid_ns =
+            if self.safe { self.moved_ns.saturating_add(self.period_ns) } else { now_ns };
+        self.moved_ns = on_grid_ns.min(now_ns).max(now_ns.saturating_sub(self.period_ns));
         self.enter_safe_state();
         self.ahead += 1;
-        // On the grid, but not behind by more than a period.
-        self.moved_ns = now_ns.min(self.moved_ns.saturating_add(self.period_ns));
-        self.moved_ns = self.moved_ns.max(now_ns.saturating_sub(self.period_ns));
         let mut m = plant.alone(self.period_ns);
         m.status |= status::UNASKED;
         // In lockstep the time of the loop stands still.
@@ -271,7 +272,6 @@ impl RigDesk {
     ) -> RigMeasurement {
         self.stamp_ns = stamp_ns;
         m.protocol_version = PROTOCOL_VERSION;
-        m.refusal = 0;
         m.reserved = 0;
         m.session = session;
         m.tick = tick;

@@ -2,6 +2,8 @@
 //! reproduce without any compensation, because G_I = 1.
 
 use docktwin_core::{DQuat, DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_model::Rig;
+use docktwin_physics::platform::Platform;
 
 use crate::{
     port::{RigCommand, RigMeasurement, RigMode, status},
@@ -10,12 +12,17 @@ use crate::{
 
 /// Speed at which the plate draws back, m/s.
 const RETRACT_M_S: f64 = 0.01;
+/// By how much the force readings go up and down from tick to tick, N: a sensor that never changes
+/// counts as dead.
+const FLICKER_N: f64 = 1e-9;
 
 /// A stick on the plate between two stops on the rack: (14) without damping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stops {
-    /// Along which the stops act, unit vector in `e3`.
+    /// Along which the stops act, or about which, unit vector in `e3`.
     pub axis: DVec3,
+    /// `Some` for stops that act on a turn, at this lever, m; play and stiffness are meant there.
+    pub lever_m: Option<f64>,
     /// Position of the origin of `e4` from that of `e3` in the middle between the stops, in `e3`, m.
     pub middle_m: DVec3,
     /// Free play to each side, m, not negative.
@@ -27,52 +34,72 @@ pub struct Stops {
 impl Default for Stops {
     /// Table 4, rows 1 to 3, along the docking axis: 35.4 kN/m, ±10 mm.
     fn default() -> Self {
-        Self { axis: DVec3::X, middle_m: DVec3::ZERO, free_play_m: 0.010, stiffness_n_m: 35.4e3 }
+        Self {
+            axis: DVec3::X,
+            lever_m: None,
+            middle_m: DVec3::ZERO,
+            free_play_m: 0.010,
+            stiffness_n_m: 35.4e3,
+        }
     }
 }
 
 impl Stops {
-    /// Force on what the plate carries, N in `e3`, with the origin of `e4` at `p_34`.
+    /// Wrench on what the plate carries, about the origin of `e4`, in axes of `e3`.
     #[must_use]
-    pub fn force_n(&self, p_34: DVec3) -> DVec3 {
-        let x = (p_34 - self.middle_m).dot(self.axis);
+    pub fn wrench(&self, x_34: &Pose) -> Wrench {
+        let x = match self.lever_m {
+            None => (x_34.p - self.middle_m).dot(self.axis),
+            Some(lever_m) => x_34.q.to_scaled_axis().dot(self.axis) * lever_m,
+        };
         let depth_m = (x.abs() - self.free_play_m).max(0.0);
-        self.axis * (-x.signum() * self.stiffness_n_m * depth_m)
+        let force = self.axis * (-x.signum() * self.stiffness_n_m * depth_m);
+        match self.lever_m {
+            None => Wrench { f: force, m: DVec3::ZERO },
+            Some(lever_m) => Wrench { f: DVec3::ZERO, m: force * lever_m },
+        }
     }
 }
 
 /// A rig without mass, delay or error.
 ///
 /// Its sensors stand in `e3` (A) and `e4` (B) and weigh nothing, so they feel what the ports feel.
-/// In [`RigMode::Idle`] it goes back to where it began, so that runs repeat.
+/// Its legs have the lengths of the plate's pose, whatever lengths are commanded. In [`RigMode::Idle`] it goes back to where it began, so that runs repeat.
 #[derive(Clone, Debug)]
 pub struct IdealRig {
-    /// Mounting plane of the active mechanism in the ground, `X_b3`.
-    x_b3: Pose,
-    /// Plate in the mounting plane of the passive mechanism, `X_4p`.
-    x_4p: Pose,
+    platform: Platform,
     stops: Stops,
     start: Pose,
     x_bp: Pose,
     twist: Twist,
-    legs: [[f64; 6]; 3],
+    leg_force_n: [f64; 6],
+    flicker_n: f64,
 }
 
 impl IdealRig {
-    /// With its plate at `start`, `X_bp`.
+    /// With the geometry of `rig` and its plate at `start`, `X_bp`.
     #[must_use]
-    pub fn new(x_b3: Pose, x_4p: Pose, stops: Stops, start: Pose) -> Self {
-        let (twist, legs) = (Twist::default(), [[0.0; 6]; 3]);
-        Self { x_b3, x_4p, stops, start, x_bp: start, twist, legs }
+    pub fn new(rig: &Rig, stops: Stops, start: Pose) -> Self {
+        Self {
+            platform: Platform::new(rig),
+            stops,
+            start,
+            x_bp: start,
+            twist: Twist::default(),
+            leg_force_n: [0.0; 6],
+            flicker_n: FLICKER_N,
+        }
     }
 
     fn reset(&mut self) {
-        *self = Self::new(self.x_b3, self.x_4p, self.stops, self.start);
+        self.rest();
+        self.x_bp = self.start;
+        self.leg_force_n = [0.0; 6];
+        self.flicker_n = FLICKER_N;
     }
 
     fn rest(&mut self) {
         self.twist = Twist::default();
-        self.legs[1] = [0.0; 6];
     }
 
     fn follow(&mut self, c: &RigCommand) {
@@ -83,35 +110,35 @@ impl IdealRig {
             v: DVec3::from_array(c.plate_velocity_m_s),
             w: DVec3::from_array(c.plate_rate_rad_s),
         };
-        self.legs = [c.leg_length_m, c.leg_speed_m_s, c.leg_force_n];
+        self.leg_force_n = c.leg_force_n;
     }
 
     fn retract(&mut self, period_s: f64) {
         // Away from the rack: +X of `e3` points from the active to the passive mechanism.
-        let back = self.x_b3.q * DVec3::X;
-        self.twist = Twist { v: back * RETRACT_M_S, w: DVec3::ZERO };
+        let x_34 = self.platform.docking_from_plate(&self.x_bp);
+        let back = Twist { v: DVec3::X * RETRACT_M_S, w: DVec3::ZERO };
+        self.twist = self.platform.plate_twist(&x_34, &back);
         self.x_bp.p += self.twist.v * period_s;
     }
 
     /// Wrench on the chaser at `e3`, and on the target at `e4`, each in its own axes.
     fn ports(&self) -> (Wrench, Wrench) {
-        let x_34 = self.x_b3.inverse() * self.x_bp * self.x_4p.inverse();
-        let on_target = self.stops.force_n(x_34.p);
-        let f3 = Wrench::at(x_34.p, -on_target);
-        let f4 = Wrench { f: x_34.q.conjugate() * on_target, m: DVec3::ZERO };
-        (f3, f4)
+        let x_34 = self.platform.docking_from_plate(&self.x_bp);
+        let on_target = self.stops.wrench(&x_34);
+        ((-on_target).shifted(-x_34.p), on_target.rotated(x_34.q.conjugate()))
     }
 
-    fn measure(&self, status: u32) -> RigMeasurement {
+    fn measure(&mut self, status: u32) -> RigMeasurement {
         let (f3, f4) = self.ports();
         let (f3, f4) = (array(f3.f, f3.m), array(f4.f, f4.m));
         let q = self.x_bp.q;
         let attitude = [q.w, q.x, q.y, q.z];
+        let legs = self.platform.at(&self.x_bp);
         let mut m = RigMeasurement {
             status: status | status::TRUTH,
-            leg_length_m: self.legs[0],
-            leg_speed_m_s: self.legs[1],
-            leg_force_n: self.legs[2],
+            leg_length_m: legs.length_m,
+            leg_speed_m_s: legs.rates(&self.twist),
+            leg_force_n: self.leg_force_n,
             sensor_a: f3,
             sensor_b: f4,
             truth_position_m: self.x_bp.p.to_array(),
@@ -121,6 +148,9 @@ impl IdealRig {
             truth_port4: f4,
             ..RigMeasurement::zero()
         };
+        self.flicker_n = -self.flicker_n;
+        m.sensor_a[0] += self.flicker_n;
+        m.sensor_b[0] += self.flicker_n;
         m.state_digest = digest(&m);
         m
     }
@@ -155,5 +185,76 @@ impl Plant for IdealRig {
     fn alone(&mut self, _period_ns: u64) -> RigMeasurement {
         self.rest();
         self.measure(status::ENABLED)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rig whose docking axis points up and whose plate is turned and shifted.
+    fn tilted() -> (IdealRig, RigCommand) {
+        let x_b3 = Pose::new(
+            DVec3::new(0.25, -0.5, 4.0),
+            DQuat::from_rotation_y(-core::f64::consts::FRAC_PI_2),
+        );
+        let x_4p = Pose::from_translation(DVec3::new(0.3, 0.1, 0.0));
+        let x_34 = Pose::new(DVec3::new(0.03, 0.2, -0.1), DQuat::from_rotation_z(0.2));
+        let x_bp = x_b3 * x_34 * x_4p;
+        let mut c = RigCommand { period_ns: 1_000_000, ..RigCommand::zero() };
+        c.mode = RigMode::Track as u32;
+        c.plate_position_m = x_bp.p.to_array();
+        c.plate_attitude = [x_bp.q.w, x_bp.q.x, x_bp.q.y, x_bp.q.z];
+        c.plate_velocity_m_s = [0.1, 0.2, 0.3];
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/urdf/stewart.urdf");
+        let mut rig = docktwin_model::load_rig(file.as_ref()).expect("the default rig").model;
+        (rig.x_b0, rig.x_03, rig.x_4p) = (x_b3, Pose::IDENTITY, x_4p);
+        (IdealRig::new(&rig, Stops::default(), x_b3 * x_4p), c)
+    }
+
+    fn wrench(x: &[f64; 6]) -> Wrench {
+        Wrench { f: DVec3::new(x[0], x[1], x[2]), m: DVec3::new(x[3], x[4], x[5]) }
+    }
+
+    /// What both ports feel holds itself in balance, whatever the pose: moved to one point and turned
+    /// to one frame, force and moment cancel.
+    #[test]
+    fn invariant_both_ports_are_in_balance() {
+        let (mut rig, c) = tilted();
+        let m = rig.answer(&c);
+        let (f3, f4) = (wrench(&m.truth_port3), wrench(&m.truth_port4));
+        assert!((f3.f - DVec3::X * 35.4e3 * 0.02).length() < 1e-6, "{f3:?}");
+        let x_34 = rig.platform.docking_from_plate(&rig.x_bp);
+        let at_3 = f4.rotated(x_34.q).shifted(-x_34.p);
+        assert!((f3.f + at_3.f).length() < 1e-9 && (f3.m + at_3.m).length() < 1e-9);
+    }
+
+    #[test]
+    fn invariant_it_draws_back_along_the_docking_axis_and_rests_when_alone() {
+        let (mut rig, mut c) = tilted();
+        let before = DVec3::from_array(rig.answer(&c).truth_position_m);
+        c.mode = RigMode::Retract as u32;
+        let m = rig.answer(&c);
+        let gone = DVec3::from_array(m.truth_position_m) - before;
+        assert!((gone - DVec3::Z * RETRACT_M_S * 1e-3).length() < 1e-12, "{gone:?}");
+        let m = rig.alone(1_000_000);
+        assert_eq!(m.truth_twist.map(f64::to_bits), [0; 6]);
+        assert!((DVec3::from_array(m.truth_position_m) - before - gone).length() < 1e-15);
+    }
+
+    #[test]
+    fn oracle_stops_push_back_beyond_the_free_play_alone() {
+        let stops = Stops::default();
+        let turning = Stops { axis: DVec3::Y, lever_m: Some(0.5), ..stops };
+        for (x_m, force_n) in
+            [(0.0, 0.0), (0.01, 0.0), (-0.009, 0.0), (0.011, -35.4), (-0.02, 354.0)]
+        {
+            let w = stops.wrench(&Pose::from_translation(DVec3::new(x_m, 1.0, 2.0)));
+            assert!((w.f - DVec3::X * force_n).length() + w.m.length() < 1e-9, "{x_m} m: {w:?}");
+            let turned = Pose::new(DVec3::splat(1.0), DQuat::from_rotation_y(x_m / 0.5));
+            let w = turning.wrench(&turned);
+            let moment = DVec3::Y * force_n * 0.5;
+            assert!((w.m - moment).length() + w.f.length() < 1e-9, "{x_m} m: {w:?}");
+        }
     }
 }

@@ -6,7 +6,7 @@
 //! behind that were killed is cleaned whenever a side starts.
 
 use core::{fmt, time::Duration};
-use std::time::Instant;
+use std::{fs::DirEntry, path::Path, time::Instant};
 
 use iceoryx2::{
     node::NodeView as _,
@@ -17,10 +17,12 @@ use iceoryx2::{
     },
     prelude::*,
     service::{
-        builder::publish_subscribe::{
-            PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+        builder::{
+            event::{EventOpenError, EventOpenOrCreateError},
+            publish_subscribe::{PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError},
         },
         port_factory::{event, publish_subscribe},
+        service_hash::ServiceHash,
     },
 };
 
@@ -41,7 +43,11 @@ const NODES: usize = 8;
 const LONGEST_NAME: usize = 64;
 
 /// How long a side tries to start while others clean up, or are about to vanish.
-const START_PATIENCE: Duration = Duration::from_secs(3);
+const START_PATIENCE: Duration = Duration::from_secs(5);
+/// Where Linux shows shared memory.
+const SHARED_MEMORY: &str = "/dev/shm";
+/// What a living process makes or cleans is finished by then.
+const FINISHED_BY: Duration = Duration::from_secs(1);
 /// Between two tries.
 const START_PAUSE: Duration = Duration::from_millis(5);
 /// The kernel rounds waits on sockets up to its own ticks, mostly 4 ms: the rest is slept away.
@@ -166,7 +172,7 @@ impl<T: fmt::Debug + ZeroCopySend + 'static> Direction<T> {
             .max_nodes(NODES)
             .enable_safe_overflow(true)
             .open_or_create()
-            .map_err(|e| opening(&service, e))?;
+            .map_err(|e| data_failed(&service, e))?;
         let bell = node
             .service_builder(&service_name)
             .event()
@@ -174,12 +180,17 @@ impl<T: fmt::Debug + ZeroCopySend + 'static> Direction<T> {
             .max_listeners(READERS)
             .max_nodes(NODES)
             .open_or_create()
-            .map_err(|e| Start::Retry(transport(&service, &e)))?;
+            .map_err(|e| bell_failed(&service, e))?;
         Ok(Self { service, data, bell })
     }
 
     fn writer(&self) -> Result<Publisher<ipc::Service, T, ()>, PublisherCreateError> {
-        self.data.publisher_builder().max_loaned_samples(1).create()
+        self.data
+            .publisher_builder()
+            .max_loaned_samples(1)
+            // Nobody waits: the oldest message goes.
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
     }
 
     fn notifier(&self) -> Result<Notifier<ipc::Service>, Start> {
@@ -218,6 +229,12 @@ impl<T: fmt::Debug + ZeroCopySend + 'static> Direction<T> {
 enum Start {
     /// What another process does at this moment may be the cause.
     Retry(IpcError),
+    /// A process was killed while it made this service, or has left itself in it.
+    Stuck {
+        service: String,
+        pattern: MessagingPattern,
+        what: String,
+    },
     Refused(IpcError),
 }
 
@@ -225,7 +242,7 @@ fn transport(service: &str, e: &dyn fmt::Debug) -> IpcError {
     IpcError::Transport { service: service.to_owned(), what: format!("{e:?}") }
 }
 
-fn opening(service: &str, e: PublishSubscribeOpenOrCreateError) -> Start {
+fn data_failed(service: &str, e: PublishSubscribeOpenOrCreateError) -> Start {
     use PublishSubscribeOpenError as Open;
     use PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError as NotOpened;
     match e {
@@ -238,11 +255,82 @@ fn opening(service: &str, e: PublishSubscribeOpenOrCreateError) -> Start {
             | Open::DoesNotSupportRequestedAmountOfSubscribers
             | Open::DoesNotSupportRequestedAmountOfNodes
             | Open::IncompatibleOverflowBehavior,
-        ) => Start::Refused(IpcError::Settings {
-            service: service.to_owned(),
-            what: format!("{e:?}"),
-        }),
+        ) => Start::Refused(other_settings(service, &e)),
+        NotOpened(Open::HangsInCreation | Open::ServiceInCorruptedState) => {
+            stuck(service, MessagingPattern::PublishSubscribe, &e)
+        }
         _ => Start::Retry(transport(service, &e)),
+    }
+}
+
+fn bell_failed(service: &str, e: EventOpenOrCreateError) -> Start {
+    use EventOpenError as Open;
+    use EventOpenOrCreateError::EventOpenError as NotOpened;
+    match e {
+        NotOpened(
+            Open::DoesNotSupportRequestedAmountOfNotifiers
+            | Open::DoesNotSupportRequestedAmountOfListeners
+            | Open::DoesNotSupportRequestedAmountOfNodes,
+        ) => Start::Refused(other_settings(service, &e)),
+        NotOpened(Open::HangsInCreation | Open::ServiceInCorruptedState) => {
+            stuck(service, MessagingPattern::Event, &e)
+        }
+        _ => Start::Retry(transport(service, &e)),
+    }
+}
+
+fn stuck(service: &str, pattern: MessagingPattern, e: &dyn fmt::Debug) -> Start {
+    Start::Stuck { service: service.to_owned(), pattern, what: format!("{e:?}") }
+}
+
+fn other_settings(service: &str, e: &dyn fmt::Debug) -> IpcError {
+    IpcError::Settings { service: service.to_owned(), what: format!("{e:?}") }
+}
+
+/// Removes shared memory of processes that were killed between making and sizing it, which takes a
+/// living one microseconds. iceoryx2 waits for a size without an end, at the start of every process.
+fn sweep() {
+    let prefix = &Config::global_config().global.prefix;
+    let begun = Instant::now();
+    loop {
+        let all = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+        let ours = |e: &DirEntry| e.file_name().to_string_lossy().starts_with(prefix.as_str());
+        let sizeless = |e: &DirEntry| e.metadata().is_ok_and(|m| m.is_file() && m.len() == 0);
+        let mut young = false;
+        for file in all.filter(|e| ours(e) && sizeless(e)).map(|e| e.path()) {
+            if is_old(&file) {
+                // One that stays is named by the try that meets it.
+                let _ = std::fs::remove_file(file);
+            } else {
+                young = true;
+            }
+        }
+        if !young || begun.elapsed() > START_PATIENCE {
+            return;
+        }
+        std::thread::sleep(START_PAUSE);
+    }
+}
+
+/// True when nobody can be about to finish this file.
+fn is_old(file: &Path) -> bool {
+    let made = std::fs::metadata(file).and_then(|m| m.modified());
+    made.is_ok_and(|m| m.elapsed().is_ok_and(|age| age > FINISHED_BY))
+}
+
+/// Makes iceoryx2 forget a service that nobody can finish or leave any more. It forgets a process that
+/// was killed while it made a service, and not the service: its own file stays in the way for ever.
+/// A young file may be one that was just begun.
+fn forget(service: &str, pattern: MessagingPattern) {
+    type Hasher = <ipc::Service as iceoryx2::service::Service>::ServiceNameHasher;
+    let global = &Config::global_config().global;
+    let Ok(service_name) = service.try_into() else { return };
+    let hash = ServiceHash::new::<Hasher>(&service_name, pattern);
+    let suffix = &global.service.static_config_storage_suffix;
+    let file = format!("{}/{}{hash}{suffix}", global.service_dir(), global.prefix);
+    if is_old(Path::new(&file)) {
+        // If that fails, so does the next try, with its own reason.
+        let _ = std::fs::remove_file(file);
     }
 }
 
@@ -308,14 +396,26 @@ where
         let name = checked(name)?;
         let begun = Instant::now();
         loop {
+            sweep();
             // A new node for every try: nothing of an earlier one stands in the way.
-            match Self::try_start(name, side) {
-                Err(Start::Retry(_)) if begun.elapsed() < START_PATIENCE => {
-                    std::thread::sleep(START_PAUSE);
-                }
-                Err(Start::Retry(e) | Start::Refused(e)) => return Err(e),
+            let failed = match Self::try_start(name, side) {
                 Ok(end) => return Ok(end),
+                Err(failed) => failed,
+            };
+            let late = begun.elapsed() > START_PATIENCE;
+            match failed {
+                Start::Refused(e) => return Err(e),
+                Start::Retry(e) if late => return Err(e),
+                Start::Stuck { service, what, .. } if late => {
+                    return Err(IpcError::Transport { service, what });
+                }
+                // Before that another process may be at it, one that cleans included.
+                Start::Stuck { service, pattern, .. } if begun.elapsed() > FINISHED_BY => {
+                    forget(&service, pattern);
+                }
+                Start::Stuck { .. } | Start::Retry(_) => (),
             }
+            std::thread::sleep(START_PAUSE);
         }
     }
 
@@ -339,7 +439,11 @@ where
                     Some(holder) => {
                         Start::Refused(IpcError::Second { side, holder, name: name.to_owned() })
                     }
-                    None => Start::Retry(transport(&to.service, &"held by one that is gone")),
+                    None => stuck(
+                        &to.service,
+                        MessagingPattern::PublishSubscribe,
+                        &"held by a process that is gone",
+                    ),
                 });
             }
             Err(e) => return Err(Start::Retry(transport(&to.service, &e))),
@@ -357,7 +461,8 @@ where
 /// A rig in another process, from the loop.
 ///
 /// Stays in the thread that made it: connect on the loop's own thread, before its first tick. From
-/// then on nothing here allocates, locks or logs, as long as the other side stays.
+/// then on nothing here locks or logs, and nothing allocates but iceoryx2 0.10 itself: one block of 48
+/// bytes a command, given back at once. All that holds as long as the other side stays.
 #[derive(Debug)]
 pub struct IpcRig {
     end: End<RigMeasurement, RigCommand>,
@@ -442,7 +547,8 @@ impl Rig for IpcRig {
                 return Ok(Some(m));
             }
             let left = patience.saturating_sub(begun.elapsed());
-            if left.is_zero() {
+            // Measurements answer commands: without one under way none comes.
+            if left.is_zero() || self.unanswered == 0 {
                 return self.none();
             }
             self.end.reader.wait(left);
@@ -455,15 +561,16 @@ impl Rig for IpcRig {
 pub enum RigEvent {
     /// A loop has begun a session.
     Session(u64),
-    /// A command was refused; the rig is in its safe state.
+    /// A command was refused.
     Refused {
         /// Why.
         refusal: Refusal,
         /// As the command says.
         tick: u64,
     },
-    /// No good command for too long; the rig is in its safe state.
-    Silence {
+    /// The rig has left the commands: one was refused, none came in time, or a session did not begin
+    /// with idle.
+    SafeState {
         /// Last good tick.
         tick: u64,
     },
@@ -483,10 +590,48 @@ impl Default for ServeOptions {
     }
 }
 
+/// The rig's end as it is, for a bridge that passes messages on to where they are judged. Stays in the
+/// thread that made it.
+#[derive(Debug)]
+pub struct RigPort {
+    end: End<RigCommand, RigMeasurement>,
+}
+
+impl RigPort {
+    /// Opens the rig `name`.
+    ///
+    /// # Errors
+    /// See [`IpcError`].
+    pub fn open(name: &str) -> Result<Self, IpcError> {
+        Ok(Self { end: End::start(name, Side::Rig)? })
+    }
+
+    /// The next command, not judged.
+    ///
+    /// # Errors
+    /// [`RigError::Transport`].
+    pub fn receive(&self) -> Result<Option<RigCommand>, RigError> {
+        self.end.reader.read()
+    }
+
+    /// Sends a measurement and wakes the loop.
+    ///
+    /// # Errors
+    /// [`RigError::Transport`].
+    pub fn send(&self, measurement: &RigMeasurement) -> Result<(), RigError> {
+        self.end.writer.write(measurement)
+    }
+
+    /// Waits until a command may be there, at most `patience`.
+    pub fn wait(&self, patience: Duration) {
+        self.end.reader.wait(patience);
+    }
+}
+
 /// The rig's end: drives any plant. Stays in the thread that made it.
 #[derive(Debug)]
 pub struct RigServer {
-    end: End<RigCommand, RigMeasurement>,
+    port: RigPort,
     desk: RigDesk,
 }
 
@@ -496,7 +641,7 @@ impl RigServer {
     /// # Errors
     /// See [`IpcError`].
     pub fn open(name: &str) -> Result<Self, IpcError> {
-        Ok(Self { end: End::start(name, Side::Rig)?, desk: RigDesk::new() })
+        Ok(Self { port: RigPort::open(name)?, desk: RigDesk::new() })
     }
 
     /// What was seen so far.
@@ -517,29 +662,30 @@ impl RigServer {
         mut tell: impl FnMut(RigEvent),
     ) -> Result<DeskCounts, RigError> {
         while !stop() {
-            if let Some(command) = self.end.reader.read()? {
-                let session = self.desk.session();
-                let m = self.desk.command(plant, &command, monotonic_ns());
-                self.end.writer.write(&m)?;
-                if let Some(refusal) = Refusal::from_number(m.refusal) {
-                    tell(RigEvent::Refused { refusal, tick: m.tick });
-                } else if self.desk.session() != session {
-                    tell(RigEvent::Session(m.session));
+            let (session, safe) = (self.desk.session(), self.desk.is_safe());
+            let m = match self.port.receive()? {
+                Some(command) => self.desk.command(plant, &command, monotonic_ns()),
+                None => {
+                    let now_ns = monotonic_ns();
+                    let due_ns = self.desk.due_ns(options.lockstep_patience);
+                    if now_ns < due_ns {
+                        let patience = Duration::from_nanos(due_ns - now_ns).min(STOP_CHECK);
+                        self.port.wait(patience);
+                        continue;
+                    }
+                    self.desk.silence(plant, now_ns)
                 }
-                continue;
+            };
+            self.port.send(&m)?;
+            if let Some(refusal) = Refusal::from_number(m.refusal) {
+                tell(RigEvent::Refused { refusal, tick: m.tick });
             }
-            let now_ns = monotonic_ns();
-            let due_ns = self.desk.due_ns(options.lockstep_patience);
-            if now_ns < due_ns {
-                let patience = Duration::from_nanos(due_ns - now_ns).min(STOP_CHECK);
-                self.end.reader.wait(patience);
-                continue;
+            if self.desk.session() != session {
+                tell(RigEvent::Session(m.session));
             }
-            if !self.desk.is_safe() {
-                tell(RigEvent::Silence { tick: self.desk.tick() });
+            if self.desk.is_safe() && !safe {
+                tell(RigEvent::SafeState { tick: self.desk.tick() });
             }
-            let m = self.desk.silence(plant, now_ns);
-            self.end.writer.write(&m)?;
         }
         Ok(self.desk.counts())
     }

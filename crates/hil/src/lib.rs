@@ -15,3 +15,4 @@ pub mod realtime;
 pub mod rig;
 pub mod scheduler;
 pub mod vibro;
+pub mod wire;

@@ -7,7 +7,8 @@
 //! tick does not allocate, lock, log or format (checked by `tests/no_allocation.rs`).
 //!
 //! The way of a run, all in ticks: *move* to the beginning of the run-up, *settle* and tare there,
-//! *run up*, *closed* (the bodies answer the measured wrenches), *stop*.
+//! *run up*, *closed* (the bodies answer the measured wrenches), *stop*. A dry run goes slowly, without
+//! the run-up and without closing, to the initial condition and back to where it was armed.
 
 use core::time::Duration;
 
@@ -49,6 +50,9 @@ pub struct LoopSetup {
     pub bodies: Programme,
     /// Against the delay of the rig.
     pub compensation: Compensation,
+    /// Ticks by which every command is held back, at most [`MOST_ADDED`]: makes a rig as slow as another
+    /// one, to see what that does.
+    pub added_ticks: usize,
     /// Where F4, M4 come from.
     pub scheme: SensorScheme,
     /// What sensor B carries, as believed.
@@ -210,7 +214,8 @@ pub struct Idle(());
 /// Checked; the first command of motion may be sent.
 #[derive(Debug)]
 pub struct Armed {
-    from: Pose,
+    /// Made here, so that nothing asks for memory from now on.
+    running: Running,
     checks: Vec<Check>,
 }
 /// In motion.
@@ -227,11 +232,20 @@ pub struct Running {
     last: RigMeasurement,
     last_ports: Ports,
     without: u32,
+    /// Measurements in a row that repeat the one before, of sensors A and B.
+    frozen: [u32; 2],
     x_bp: Pose,
     commanded: Pose,
     /// Plate motions commanded for the last ticks, for what sensor B carries.
     past: [PlateMotion; PAST],
-    stop_at: Option<u64>,
+    /// Motions on their way, for [`LoopSetup::added_ticks`].
+    held_back: [RelativeMotion; MOST_ADDED + 1],
+    /// First and last tick of the end.
+    stop_at: Option<[u64; 2]>,
+    /// The rig does not answer.
+    gone: bool,
+    /// Ticks for which the legs have been at rest.
+    resting: u64,
 }
 /// At rest after a run; how it ended.
 #[derive(Debug)]
@@ -239,23 +253,45 @@ pub struct Stopped {
     /// The limit that ended it, if one did.
     pub trip: Option<Trip>,
     /// Least margins, by [`Limit`].
-    pub least_margin: [f64; 10],
+    pub least_margin: [f64; Limit::COUNT],
     /// Ticks of the closed loop.
     pub closed_ticks: u64,
 }
 
+/// Most ticks by which commands can be held back.
+pub const MOST_ADDED: usize = 30;
 /// Commanded motions kept.
 const PAST: usize = 32;
 /// Time over which the measured wrenches come in after closing, s.
 const CLOSING_S: f64 = 0.02;
-/// Time given to come to rest after the end of a run, s.
-const REST_S: f64 = 0.3;
+/// Time given to come to rest after the end of a run, s: at least, and at most.
+const REST_S: [f64; 2] = [0.3, 3.0];
+/// Leg speed that counts as rest, m/s, and for how long, s; length sensors show some of their own, and
+/// oil swings back.
+const REST_M_S: f64 = 0.005;
+const REST_FOR_S: f64 = 0.05;
 
 #[derive(Clone, Debug)]
 struct Plan {
     first: Move,
     run_up: RunUp,
-    back: Move,
+    /// Of a dry run, from the beginning of the run-up to the initial condition.
+    there: Move,
+}
+
+impl Plan {
+    /// What a dry run does instead of the run-up, `time_s` after its begin: to the initial condition,
+    /// back, and back to where it was armed.
+    fn there_and_back(&self, time_s: f64) -> RelativeMotion {
+        let t = self.there.duration_s;
+        if time_s < t {
+            self.there.at(time_s)
+        } else if time_s < 2.0 * t {
+            backwards(self.there.at(2.0 * t - time_s))
+        } else {
+            backwards(self.first.at((2.0 * t + self.first.duration_s - time_s).max(0.0)))
+        }
+    }
 }
 
 /// What has been measured of the loop itself.
@@ -286,6 +322,48 @@ impl Default for LoopTimes {
 }
 
 /// The loop in one of its states.
+///
+/// Only a running loop commands:
+///
+/// ```compile_fail,E0599
+/// use docktwin_hil::{clock::Clock, rig::Rig, scheduler::{Armed, Loop}};
+/// use docktwin_physics::reduced::Inputs;
+/// fn early<R: Rig, K: Clock>(mut l: Loop<R, K, Armed>) {
+///     l.tick(&Inputs::default());
+/// }
+/// ```
+///
+/// Only an armed one starts:
+///
+/// ```compile_fail,E0599
+/// use docktwin_hil::{clock::Clock, rig::Rig, scheduler::{Idle, Loop}};
+/// fn unchecked<R: Rig, K: Clock>(l: Loop<R, K, Idle>) {
+///     l.start();
+/// }
+/// ```
+///
+/// A stopped one is armed again after [`Loop::reset`] alone:
+///
+/// ```compile_fail,E0599
+/// use docktwin_hil::{clock::Clock, rig::Rig, scheduler::{Loop, Stopped}};
+/// fn again<R: Rig, K: Clock>(l: Loop<R, K, Stopped>) {
+///     let _ = l.arm(Vec::new());
+/// }
+/// ```
+///
+/// The way that compiles:
+///
+/// ```
+/// use docktwin_hil::{clock::Clock, rig::Rig, scheduler::{ArmError, Idle, Loop}};
+/// use docktwin_physics::reduced::Inputs;
+/// fn run<R: Rig, K: Clock>(l: Loop<R, K, Idle>) -> Result<Loop<R, K, Idle>, ArmError> {
+///     let mut running = l.arm(Vec::new())?.start();
+///     while !running.finished() {
+///         running.tick(&Inputs::default())?;
+///     }
+///     Ok(running.stop().reset(2))
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Loop<R, K, S> {
     setup: LoopSetup,
@@ -375,7 +453,9 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             let w = self.clock.wait();
             let got = self.rig.receive(self.setup.patience, self.clock.now_ns());
             match got {
-                Ok(Some(m)) => samples.push(m),
+                Ok(Some(m)) if m.session == self.setup.session => samples.push(m),
+                // The last answer of an earlier run may still be there.
+                Ok(Some(_)) => {}
                 Ok(None) if self.tick == 0 => {}
                 Ok(None) => silent += 1,
                 // What was on the way from an earlier loop is refused, and that is right.
@@ -395,9 +475,55 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
         checks.extend(known);
         match from {
             Some(from) if checks.iter().all(|c| c.passed) => {
-                Ok(self.into_state(|_| Armed { from, checks }))
+                let running = self.at_rest(&from, &samples[IDLE_TICKS / 2..]);
+                Ok(self.into_state(|_| Armed { running, checks }))
             }
             _ => Err(ArmError::Checklist(checks)),
+        }
+    }
+
+    /// The run before its first tick, with the plate at rest at `from`, where `samples` were taken.
+    fn at_rest(&self, from: &Pose, samples: &[RigMeasurement]) -> Running {
+        let s = &self.setup;
+        let a = &s.approach;
+        let run_up = RunUp::new(&s.bodies, a.run_up_s);
+        let begin = run_up.at(0.0).x_34;
+        let slow = if s.dry_run { DRY_RUN_SPEED } else { 1.0 };
+        let (speed, rate) = (a.speed_m_s * slow, a.rate_rad_s * slow);
+        let plan = Plan {
+            first: Move::new(from, &begin, speed, rate),
+            there: Move::new(&begin, &s.bodies.x_34(), speed, rate),
+            run_up,
+        };
+        let x_bp = self.platform.plate_from_docking(from);
+        // Good enough to watch the loads on the way to the tare.
+        let mut conditioning = Conditioning::new(s.scheme, s.payload);
+        let q4 = (x_bp * s.rig.x_4p.inverse()).q.conjugate();
+        let carried = Carried { gravity: q4 * s.rig.gravity_m_s2, ..Carried::default() };
+        for m in samples {
+            conditioning.tare_sample(&wrench(&m.sensor_a), &wrench(&m.sensor_b), &carried);
+        }
+        conditioning.tare();
+        Running {
+            plan,
+            phase: Phase::Move,
+            since: 0,
+            closed: 0,
+            bodies: s.bodies.clone(),
+            conditioning,
+            supervisor: Supervisor::new(s.limits),
+            last: RigMeasurement::zero(),
+            last_ports: Ports::default(),
+            without: 0,
+            frozen: [0; 2],
+            x_bp,
+            commanded: x_bp,
+            past: [PlateMotion::rest(x_bp); PAST],
+            held_back: [RelativeMotion { x_34: *from, ..RelativeMotion::default() };
+                MOST_ADDED + 1],
+            stop_at: None,
+            gone: false,
+            resting: 0,
         }
     }
 
@@ -440,7 +566,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             ("sensor B", status::SENSOR_B_SATURATED, |m| m.sensor_b),
         ] {
             let axes: [f64; 6] = read(&last);
-            let moved = samples.iter().any(|m| read(m).map(f64::to_bits) != axes.map(f64::to_bits));
+            let moved = samples.iter().any(|m| !same_bits(&read(m), &axes));
             let (passed, found) = if last.has(bit) {
                 (false, "saturated: reset its charge amplifier".to_owned())
             } else if !moved {
@@ -459,6 +585,10 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             }
             Some(_) if margin < self.setup.limits.of(Limit::Stroke) => {
                 (false, format!("a leg has {margin:.3} m of stroke left: drive the plate inward"))
+            }
+            Some(x) if half_widths(&self.setup.rig, x) > self.setup.limits.of(Limit::Pose) => {
+                let n = half_widths(&self.setup.rig, x);
+                (false, format!("{n:.2} half-widths from the middle: drive the plate inward"))
             }
             Some(x) => {
                 let p = x.p;
@@ -486,7 +616,12 @@ fn norm3(x: &[f64; 6]) -> f64 {
 }
 
 fn least(x: &[f64; 6]) -> f64 {
-    x.iter().copied().fold(f64::INFINITY, f64::min)
+    // A NaN must come through.
+    x.iter().fold(f64::INFINITY, |a, b| if *b < a || b.is_nan() { *b } else { a })
+}
+
+fn same_bits(a: &[f64; 6], b: &[f64; 6]) -> bool {
+    a.map(f64::to_bits) == b.map(f64::to_bits)
 }
 
 fn largest(x: &[f64; 6]) -> f64 {
@@ -506,36 +641,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Armed> {
 
     /// Begins to move.
     pub fn start(self) -> Loop<R, K, Running> {
-        let s = &self.setup;
-        let a = &s.approach;
-        let run_up = RunUp::new(&s.bodies, a.run_up_s);
-        let begin = run_up.at(0.0).x_34;
-        let slow = if s.dry_run { DRY_RUN_SPEED } else { 1.0 };
-        let (speed, rate) = (a.speed_m_s * slow, a.rate_rad_s * slow);
-        let from = self.state.from;
-        let plan = Plan {
-            first: Move::new(&from, &begin, speed, rate),
-            back: Move::new(&begin, &s.bodies.x_34(), speed, rate),
-            run_up,
-        };
-        let x_bp = self.platform.plate_from_docking(&from);
-        let running = Running {
-            plan,
-            phase: Phase::Move,
-            since: 0,
-            closed: 0,
-            bodies: s.bodies.clone(),
-            conditioning: Conditioning::new(s.scheme, s.payload),
-            supervisor: Supervisor::new(s.limits),
-            last: RigMeasurement::zero(),
-            last_ports: Ports::default(),
-            without: 0,
-            x_bp,
-            commanded: x_bp,
-            past: [PlateMotion::rest(x_bp); PAST],
-            stop_at: None,
-        };
-        self.into_state(|_| running)
+        self.into_state(|s| s.running)
     }
 }
 
@@ -548,9 +654,14 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         self.state.phase
     }
 
-    /// True when the rig is at rest after the run.
+    /// True when the rig is at rest after the run, or cannot be waited for any longer.
     pub fn finished(&self) -> bool {
-        self.state.stop_at.is_some_and(|t| self.tick >= t)
+        let s = &self.state;
+        let Some([first, last]) = s.stop_at else { return false };
+        let rests = s.resting >= self.ticks(REST_FOR_S);
+        // In lockstep every further tick would wait for a rig that is not there.
+        let alone = K::LOCKSTEP && s.gone;
+        alone || self.tick >= last || (self.tick >= first && rests)
     }
 
     /// Ends the run: the rig comes to rest from the next tick on.
@@ -562,9 +673,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         if self.state.phase != Phase::Stop {
             self.state.phase = Phase::Stop;
             self.state.since = 0;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
-            let rest = (REST_S / self.period_s()).ceil() as u64;
-            self.state.stop_at = Some(self.tick + rest);
+            self.state.stop_at = Some(REST_S.map(|s| self.tick + self.ticks(s)));
         }
     }
 
@@ -593,28 +702,10 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             mark = now;
         };
 
-        let fresh = match self.rig.receive(self.setup.patience, self.clock.now_ns()) {
-            Ok(Some(m)) => {
-                self.state.last = m;
-                true
-            }
-            Ok(None) => false,
-            Err(RigError::Refused(_)) => {
-                self.times.refused += 1;
-                false
-            }
-            Err(RigError::Gone) => false,
-            Err(e) => return Err(e),
-        };
-        if fresh {
-            self.state.without = 0;
-        } else {
-            self.state.without += 1;
-            self.times.without += 1;
-        }
+        let fresh = self.receive()?;
         timed(0);
 
-        let x_34 = self.pose(fresh);
+        let x_34 = self.platform.docking_from_plate(&self.state.x_bp);
         let ports = self.condition(fresh, &x_34);
         timed(1);
 
@@ -627,8 +718,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         let mut command = self.command(&motion, w.due_ns);
         timed(3);
 
-        let tared = phase as u8 >= Phase::RunUp as u8;
-        let trip = self.judge(&ports, &x_34, tared);
+        let trip = self.judge(&ports, &x_34, &command);
         if trip.is_some() {
             self.enter_stop();
         }
@@ -669,14 +759,42 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         })
     }
 
-    /// `X_34` from the measured lengths; the last one where they belong to none.
-    fn pose(&mut self, fresh: bool) -> Pose {
-        if fresh
-            && let Ok(f) = self.platform.forward(&self.state.last.leg_length_m, &self.state.x_bp)
-        {
-            self.state.x_bp = f.x_bp;
+    /// Takes what the rig has measured; true when it is of this tick and can be used.
+    fn receive(&mut self) -> Result<bool, RigError> {
+        let received = self.rig.receive(self.setup.patience, self.clock.now_ns());
+        self.state.gone = received == Err(RigError::Gone);
+        let fresh = match received {
+            Ok(Some(m)) => self.take(&m),
+            Ok(None) | Err(RigError::Gone) => false,
+            Err(RigError::Refused(_)) => {
+                self.times.refused += 1;
+                false
+            }
+            Err(e) => return Err(e),
+        };
+        let rests = fresh && largest(&self.state.last.leg_speed_m_s) < REST_M_S;
+        self.state.resting = if rests { self.state.resting + 1 } else { 0 };
+        if fresh {
+            self.state.without = 0;
+        } else {
+            self.state.without += 1;
+            self.times.without += 1;
         }
-        self.platform.docking_from_plate(&self.state.x_bp)
+        Ok(fresh)
+    }
+
+    /// Keeps a measurement and finds the plate in it. False when its lengths belong to no pose: then
+    /// it is judged, and the bodies do without it.
+    fn take(&mut self, m: &RigMeasurement) -> bool {
+        let s = &mut self.state;
+        let same =
+            [same_bits(&m.sensor_a, &s.last.sensor_a), same_bits(&m.sensor_b, &s.last.sensor_b)];
+        for (ticks, same) in s.frozen.iter_mut().zip(same) {
+            *ticks = if same { *ticks + 1 } else { 0 };
+        }
+        s.last = *m;
+        let found = self.platform.forward(&m.leg_length_m, &s.x_bp);
+        found.map(|f| s.x_bp = f.x_bp).is_ok()
     }
 
     /// The plate as commanded, when it should be where it is measured now.
@@ -727,7 +845,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         let s = &self.state;
         let first = self.ticks(s.plan.first.duration_s);
         let run_up = self.ticks(s.plan.run_up.duration_s);
-        let back = self.ticks(s.plan.back.duration_s);
+        let there_and_back = self.ticks(2.0 * s.plan.there.duration_s + s.plan.first.duration_s);
         let s = &mut self.state;
         s.since += 1;
         #[expect(clippy::cast_precision_loss, reason = "ticks far below 2^53")]
@@ -747,19 +865,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
                 s.plan.first.at(s.plan.first.duration_s)
             }
             Phase::RunUp if dry => {
-                // There and back.
-                let there = since < back;
-                let at = if there {
-                    s.plan.back.at(time_s)
-                } else {
-                    s.plan.back.at(2.0 * s.plan.back.duration_s - time_s)
-                };
-                next = (since >= 2 * back).then_some(Phase::Stop);
-                RelativeMotion {
-                    twist: if there { at.twist } else { backwards(at.twist) },
-                    jerk: if there { at.jerk } else { backwards(at.jerk) },
-                    ..at
-                }
+                next = (since >= there_and_back).then_some(Phase::Stop);
+                s.plan.there_and_back(time_s)
             }
             Phase::RunUp => {
                 // Ends on a tick: the plan is stretched by less than one.
@@ -797,7 +904,9 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         if self.state.phase == Phase::Stop {
             return out;
         }
-        let m = self.setup.compensation.compensate(motion);
+        self.state.held_back.rotate_right(1);
+        self.state.held_back[0] = self.setup.compensation.compensate(motion);
+        let m = self.state.held_back[self.setup.added_ticks.min(MOST_ADDED)];
         let plate =
             PlateMotion::of_docking(&self.platform, &m.x_34, &[m.twist, m.acceleration, m.jerk]);
         self.state.past.rotate_right(1);
@@ -823,7 +932,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         out
     }
 
-    fn judge(&mut self, ports: &Ports, x_34: &Pose, tared: bool) -> Option<Trip> {
+    fn judge(&mut self, ports: &Ports, x_34: &Pose, command: &RigCommand) -> Option<Trip> {
         let s = &self.state;
         let m = &s.last;
         let rig = &self.setup.rig;
@@ -841,25 +950,39 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         let apart = plan.inverse() * s.x_bp;
         let turned = apart.q.to_scaled_axis().length() * self.platform.plate_radius_m();
         let open = s.phase == Phase::Stop;
-        let commanded = if s.commanded.is_finite() { 0.0 } else { f64::NAN };
+        // What is told here must not pass a limit either, or the rig would have it for a tick.
+        let mut ahead = Watched { stroke_margin_m: f64::INFINITY, ..Watched::default() };
+        if !open {
+            ahead = Watched {
+                stroke_margin_m: least(&self.platform.stroke_margins_m(&command.leg_length_m)),
+                leg_speed_m_s: largest(&command.leg_speed_m_s),
+                pose_half_widths: half_widths(rig, &self.platform.docking_from_plate(&s.commanded)),
+                tracking_m: if command.is_finite() { 0.0 } else { f64::NAN },
+                ..ahead
+            };
+        }
+        let margins =
+            [least(&self.platform.stroke_margins_m(&m.leg_length_m)), ahead.stroke_margin_m];
         let larger = |a: DVec3, b: DVec3| {
             let (a, b) = (a.length(), b.length());
             if a > b || a.is_nan() { a } else { b }
         };
         let watched = Watched {
-            stroke_margin_m: least(&self.platform.stroke_margins_m(&m.leg_length_m)),
-            leg_speed_m_s: largest(&m.leg_speed_m_s),
+            stroke_margin_m: margins[0].min(margins[1]),
+            leg_speed_m_s: largest(&m.leg_speed_m_s).max(ahead.leg_speed_m_s),
             leg_force_n: largest(&m.leg_force_n),
-            force_n: if tared { larger(ports.port3.f, ports.port4.f) } else { 0.0 },
-            moment_nm: if tared { larger(ports.port3.m, ports.port4.m) } else { 0.0 },
-            pose_half_widths: half_widths(rig, x_34),
-            tracking_m: if open { 0.0 } else { apart.p.length().max(turned) } + commanded,
+            force_n: larger(ports.port3.f, ports.port4.f),
+            moment_nm: larger(ports.port3.m, ports.port4.m),
+            pose_half_widths: half_widths(rig, x_34).max(ahead.pose_half_widths),
+            tracking_m: if open { 0.0 } else { apart.p.length().max(turned) } + ahead.tracking_m,
             ticks_without: s.without,
             rig_left: !open
                 && (m.has(status::SAFE_STATE)
                     || m.has(status::EMERGENCY_STOP)
                     || m.has(status::LIMIT_SWITCH)
                     || !m.has(status::ENABLED)),
+            saturated: m.status & (status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED) != 0,
+            ticks_frozen: s.frozen[0].max(s.frozen[1]),
         };
         self.state.supervisor.judge(&watched, self.tick)
     }
@@ -874,8 +997,10 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
     }
 }
 
-fn backwards(t: Twist) -> Twist {
-    Twist { v: -t.v, w: -t.w }
+/// The same motion with time running back.
+fn backwards(m: RelativeMotion) -> RelativeMotion {
+    let turned = |t: Twist| Twist { v: -t.v, w: -t.w };
+    RelativeMotion { twist: turned(m.twist), jerk: turned(m.jerk), ..m }
 }
 
 impl<R: Rig, K: Clock> Loop<R, K, Stopped> {
@@ -894,6 +1019,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Stopped> {
     pub fn reset(mut self, session: u64) -> Loop<R, K, Idle> {
         self.setup.session = session;
         self.tick = 0;
+        self.times = LoopTimes::default();
         self.into_state(|_| Idle(()))
     }
 }

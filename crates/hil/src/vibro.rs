@@ -392,6 +392,7 @@ impl VibroTest {
             corrections: LegCorrections::default(),
             bodies: Programme::new(&self.system, &self.bodies, tick_s),
             compensation: s.compensation,
+            added_ticks: 0,
             scheme: s.scheme,
             payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
             interface_delay_s: believed_delays_s(rig)[0],

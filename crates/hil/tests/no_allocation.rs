@@ -1,15 +1,30 @@
 //! What the loop calls in every tick never asks for memory.
 
+mod common;
+
 use std::{
     alloc::{GlobalAlloc, Layout, System as Heap},
     cell::Cell,
     hint::black_box,
 };
 
+use common::{
+    MS, PATIENCE, Served, command, ideal, now, start,
+    stick::{Models, axis, emulated, models, settings},
+    unique,
+};
+use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     histogram::{LatencyHistogram, PhaseHistograms},
+    in_process::InProcess,
+    ipc::IpcRig,
+    port::RigMode,
+    rig::Rig,
+    scheduler::{Idle, Loop, Phase},
+    vibro::{PERIOD_NS, TABLE_4, VibroSettings, VibroTest},
 };
+use docktwin_physics::reduced::Inputs;
 
 thread_local! {
     // Of this thread only: the test harness has threads of its own.
@@ -82,4 +97,102 @@ fn invariant_clocks_and_histograms_never_ask_for_memory() {
         black_box(lateness.latencies());
     });
     assert_eq!(asked, 0);
+}
+
+/// A session in lockstep, where the loop waits, and one in real time, where it does not.
+fn sessions(rig: &mut dyn Rig) {
+    for tick in 0..100 {
+        let mode = if tick == 0 { RigMode::Idle } else { RigMode::Track };
+        let c = command(1, tick, mode, start());
+        rig.send(&c).expect("sent");
+        let m = rig.receive(PATIENCE, c.loop_time_ns + c.period_ns).expect("judged good");
+        assert_eq!(m.map(|m| m.tick), Some(tick));
+    }
+    let mut heard = 0;
+    for tick in 0..100 {
+        let c = now(command(2, tick, RigMode::Idle, start()));
+        let _ = rig.send(&c);
+        std::thread::sleep(std::time::Duration::from_nanos(MS));
+        heard += u64::from(matches!(rig.receive(std::time::Duration::ZERO, u64::MAX), Ok(Some(_))));
+    }
+    assert!(heard > 0);
+}
+
+/// iceoryx2 0.10 takes a block of 48 bytes for every message that is sent, and gives it back at once;
+/// nothing else.
+#[test]
+fn regress_a_rig_in_another_process_costs_one_small_block_a_command() {
+    let name = unique("allocation");
+    let _served = Served::of(&name, ideal());
+    let mut rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
+    let commands = 200;
+    assert!(requests(|| sessions(&mut rig)) <= commands);
+}
+
+#[test]
+fn invariant_a_rig_in_process_never_asks_for_memory() {
+    let mut rig = InProcess::new(ideal());
+    assert_eq!(requests(|| sessions(&mut rig)), 0);
+}
+
+fn test(m: &Models, row: usize, axes: &[&str]) -> VibroTest {
+    let axes: Vec<_> = axes.iter().map(|a| axis(a)).collect();
+    VibroTest::new(TABLE_4[row], &axes, &m.body, &m.stick).expect("a stick")
+}
+
+/// Requests of a run from arming to rest, of this thread, and its ticks; the run has everything in it.
+fn requests_of_a_run<R: Rig, K: Clock>(idle: Loop<R, K, Idle>) -> (u64, u64) {
+    let armed = idle.arm(Vec::new()).expect("armed");
+    let (mut seen, mut strongest_n, mut trip) = ([false; PHASES], 0.0_f64, None);
+    let (mut ended, mut ticks) = (None, 0);
+    let asked = requests(|| {
+        let mut running = armed.start();
+        while !running.finished() {
+            let r = running.tick(&Inputs::default()).expect("the rig answers");
+            seen[r.phase as usize] = true;
+            strongest_n = strongest_n.max(r.ports.port4.f.length());
+            trip = r.trip;
+            ticks += 1;
+        }
+        ended = Some(running.stop());
+    });
+    assert!(ended.is_some_and(|l| l.end().closed_ticks > 100));
+    assert_eq!(seen, [true; PHASES]);
+    assert!(strongest_n > 100.0, "no contact: {strongest_n} N");
+    assert_eq!(trip, None);
+    (asked, ticks)
+}
+
+const PHASES: usize = Phase::Stop as usize + 1;
+
+/// Loop and emulated rig together.
+#[test]
+fn invariant_a_run_on_the_emulated_rig_never_asks_for_memory_after_arming() {
+    let m = models();
+    let led = Compensation::Lead(0.0018);
+    for (scheme, compensation, row, axes) in [
+        (SensorScheme::Single, Compensation::None, 5, ["x", "y", "roll"].as_slice()),
+        (SensorScheme::Single, led, 5, &["z", "pitch", "yaw"]),
+        (SensorScheme::Two, led, 2, &["x"]),
+    ] {
+        let test = test(&m, row, axes);
+        let s = VibroSettings { scheme, ..settings(compensation) };
+        let rig = InProcess::new(emulated(&m, &test));
+        let clock = VirtualClock::new(PERIOD_NS);
+        assert_eq!(requests_of_a_run(Loop::new(test.setup(&m.rig, &s), rig, clock)).0, 0);
+    }
+}
+
+/// The loop and its end of the port; the rig is in another thread.
+#[test]
+fn invariant_a_run_over_shared_memory_asks_for_nothing_of_its_own() {
+    let m = models();
+    let test = test(&m, 5, &["x", "y", "roll"]);
+    let s = VibroSettings { patience: PATIENCE, ..settings(Compensation::Lead(0.0018)) };
+    let name = unique("allocation");
+    let _served = Served::of(&name, emulated(&m, &test));
+    let rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
+    let idle = Loop::new(test.setup(&m.rig, &s), rig, VirtualClock::new(PERIOD_NS));
+    let (asked, ticks) = requests_of_a_run(idle);
+    assert_eq!(asked, ticks, "besides the block of every message");
 }

@@ -108,13 +108,13 @@ pub struct Measured {
 }
 
 impl Expect {
-    /// What is expected of a run against a rig: the same, or the other outcome without bounds.
+    /// What is expected of a run against a rig: the outcome alone. Bounds are of the docking without a
+    /// rig; how far the rig is from it is told as fidelity.
     #[must_use]
     pub fn of_hil(&self) -> Self {
-        let Some(outcome) = self.hil_outcome else { return self.clone() };
         let any = Bound::default();
         Self {
-            outcome,
+            outcome: self.hil_outcome.unwrap_or(self.outcome),
             first_contact_s: any,
             capture_s: any,
             peak_force_n: any,

@@ -223,6 +223,12 @@ pub(crate) const KEYS: &[Key] = &[
          takes energy out of every contact, less leaves energy in.",
     ),
     key(
+        "loop.added_delay_s",
+        Shape::Default(Range::within(0.0, 0.03), 0.0),
+        "Holds every command back by this much, in whole ticks: makes the rig as slow as another one, \
+         to see what that does.",
+    ),
+    key(
         "loop.sensors",
         Shape::Words(&["single", "two"], false),
         "Whether F4, M4 come from the rack's sensor by (12), (13), or from a sensor of their own on \
@@ -259,8 +265,8 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "expect.hil_outcome",
         Shape::Words(OUTCOMES, false),
-        "How `hil` must end to pass, where that is not `outcome`; the other bounds then count for \
-         `rehearse` alone.",
+        "How `hil` must end to pass, where that is not `outcome`. The other bounds count for \
+         `rehearse` alone: how far a rig is from it is told as fidelity.",
     ),
     key("expect.because", Shape::Text, "Why physics gives this outcome."),
     key("expect.first_contact_after_s", Shape::Maybe(TIME), "First contact not before this time."),

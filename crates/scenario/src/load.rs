@@ -122,6 +122,8 @@ pub struct HilSettings {
     pub compensator: Option<CompensatorChoice>,
     /// Lead, s.
     pub lead_s: Option<f64>,
+    /// By which every command is held back, s.
+    pub added_delay_s: f64,
     /// True with a sensor of its own for F4, M4.
     pub two_sensors: bool,
     /// Of the supervisor, N.
@@ -509,6 +511,7 @@ fn read_loop(t: &Table<'_, '_>) -> HilSettings {
         preset: t.optional_choice("preset", &HydraulicPreset::WORDS),
         compensator: t.optional_choice("compensator", &CompensatorChoice::WORDS),
         lead_s: maybe(t, "lead_s"),
+        added_delay_s: number(t, "added_delay_s"),
         two_sensors: t.optional_choice("sensors", &[("single", false), ("two", true)])
             == Some(true),
         force_limit_n: maybe(t, "force_limit_n"),

@@ -190,7 +190,8 @@ pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
         eprintln!();
     }
     results.save("vibro-impact.csv".to_owned(), &csv(&tested))?;
-    results.plots(tested.iter().map(plot).collect())?;
+    let lead = in_words(&bench.compensation);
+    results.plots(tested.iter().map(|t| plot(t, &lead)).collect())?;
     let whole = tested.iter().all(|t| t.run.trip.is_none() && !t.run.contacts.is_empty());
     let answer = answer(&bench, &tested);
     results.finish("vibro-impact", &answer, &words(&bench, &tested), json)?;
@@ -410,11 +411,15 @@ fn off(x: f64) -> String {
     format!("{:+.2}", (x - 1.0) * 100.0)
 }
 
-fn words(bench: &Bench<'_>, tested: &[Tested]) -> String {
-    let lead = match bench.compensation {
+fn in_words(c: &Compensation) -> String {
+    match c {
         Compensation::None => "without compensation".to_owned(),
         Compensation::Lead(s) => format!("with a lead of {:.2} ms", s * 1e3),
-    };
+    }
+}
+
+fn words(bench: &Bench<'_>, tested: &[Tested]) -> String {
+    let lead = in_words(&bench.compensation);
     let place = if bench.args.rig == "emulated" { "emulated rig" } else { "rig behind a port" };
     let mut out = format!("Table 4 on the {place} ({}), {lead}; % off one\n", bench.preset.word());
     out.push_str(
@@ -482,7 +487,7 @@ fn words(bench: &Bench<'_>, tested: &[Tested]) -> String {
 const LEFT: f64 = 68.0;
 
 /// Force and speed against time, the simulated system laid over.
-fn plot(t: &Tested) -> Result<(String, String), PlotError> {
+fn plot(t: &Tested, compensation: &str) -> Result<(String, String), PlotError> {
     let sign = t.run.contacts.first().map_or(1.0, |c| c.v0_m_s.signum());
     let onset = t.run.contacts.first().map(|c| c.begin_s);
     let samples = &t.run.samples;
@@ -515,7 +520,10 @@ fn plot(t: &Tested) -> Result<(String, String), PlotError> {
         curve(&|s| s.sensed_force_n),
     ];
     let speed = [curve(&|s| ideal(s.time_s)[1] * 1e3), curve(&|s| s.speed_m_s * 1e3)];
-    let title = format!("{} · {} Hz, m = {} kg", t.axis, t.row.frequency_hz, t.row.mass_kg);
+    let title = format!(
+        "{} · {} Hz, m = {} kg · {compensation}",
+        t.axis, t.row.frequency_hz, t.row.mass_kg
+    );
     let panel = |title: &str, y: PlotAxis| {
         Plot::new(title)
             .x_axis(PlotAxis::new("time since closing", "s"))

@@ -1,6 +1,8 @@
 //! What the suites of the rig port share: a loop's commands, an ideal rig, rigs in other processes.
 #![allow(dead_code, reason = "every suite takes what it needs")]
 
+pub(crate) mod stick;
+
 use std::{
     io::Read as _,
     process::{Child, Command, Stdio},
@@ -11,7 +13,7 @@ use std::{
     time::Duration,
 };
 
-use docktwin_core::{DQuat, DVec3, Pose};
+use docktwin_core::{DVec3, Pose};
 use docktwin_hil::{
     ideal::{IdealRig, Stops},
     ipc::{RigServer, ServeOptions},
@@ -23,19 +25,22 @@ pub(crate) const MS: u64 = 1_000_000;
 /// Far longer than any answer takes, on a machine that does other things besides.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Turns the docking axis up, as on the rig.
-pub(crate) fn x_b3() -> Pose {
-    let up = DQuat::from_rotation_y(-core::f64::consts::FRAC_PI_2);
-    Pose::new(DVec3::new(0.25, -0.5, 4.0), up)
+/// Geometry of models/urdf/stewart.urdf, on which the rigs of other languages stand too.
+fn x_b3() -> Pose {
+    Pose::from_translation(DVec3::new(1.0, 0.0, 0.0))
 }
 
-pub(crate) fn x_4p() -> Pose {
-    Pose::from_translation(DVec3::new(0.3, 0.0, 0.0))
+fn x_4p() -> Pose {
+    Pose::from_translation(DVec3::new(1.0, 0.0, 0.0))
 }
 
-/// The plate with the mechanisms apart by `d`, in `e3`: `X_bp = X_b3 · X_34 · X_4p`.
+fn middle() -> DVec3 {
+    DVec3::new(0.6, 0.0, 0.0)
+}
+
+/// The plate with the mechanisms apart by `d` from the middle, in `e3`: `X_bp = X_b3 · X_34 · X_4p`.
 pub(crate) fn plate_at(d: DVec3) -> Pose {
-    x_b3() * Pose::from_translation(d) * x_4p()
+    x_b3() * Pose::from_translation(middle() + d) * x_4p()
 }
 
 pub(crate) fn start() -> Pose {
@@ -43,7 +48,11 @@ pub(crate) fn start() -> Pose {
 }
 
 pub(crate) fn ideal() -> IdealRig {
-    IdealRig::new(x_b3(), x_4p(), Stops::default(), start())
+    let file =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf/stewart.urdf");
+    let rig = docktwin_model::load_rig(&file).expect("the default rig").model;
+    let stops = Stops { middle_m: middle(), ..Stops::default() };
+    IdealRig::new(&rig, stops, start())
 }
 
 /// A name that no other test uses at the same time.
@@ -176,6 +185,37 @@ pub(crate) fn start_again(test: &str, role: &str) -> Process {
         .stdout(Stdio::piped())
         .spawn();
     Process(child.expect("a process"))
+}
+
+/// What the sensors of the rig in Python feel.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sensors {
+    /// The contact alone.
+    Bare,
+    /// Weight, inertia and noise too.
+    AsOfSteel,
+}
+
+/// The rig of validation/rig in Python; nothing where there is no Python with iceoryx2:
+/// `DOCKTWIN_PYTHON`, or the environment that `cargo xtask test` makes.
+pub(crate) fn python_rig(name: &str, sensors: Sensors, options: &[&str]) -> Option<Process> {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let made = root.join("target/venv-validation/bin/python");
+    let python = std::env::var_os("DOCKTWIN_PYTHON").map_or(made, Into::into);
+    let mut joins = Command::new(&python);
+    joins.args(["-c", "import iceoryx2, numpy"]).stderr(Stdio::null());
+    if !joins.status().is_ok_and(|s| s.success()) {
+        eprintln!("not checked: {} has no iceoryx2 and numpy", python.display());
+        return None;
+    }
+    let script = root.join("validation/rig/rig.py");
+    let mut command = Command::new(python);
+    command.arg(script).args([name, "--lockstep-patience", "20"]).args(options);
+    if sensors == Sensors::Bare {
+        command.arg("--bare");
+    }
+    let child = command.spawn();
+    Some(Process(child.expect("a process")))
 }
 
 /// What this process is to be, if it was started by [`start_again`].

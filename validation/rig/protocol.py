@@ -1,0 +1,187 @@
+"""The rig port as docs/rig-protocol.md gives it: structures, numbers, and how a rig judges commands."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+VERSION = 1
+IDLE, HOLD, TRACK, RETRACT, STOP = range(5)
+LOCKSTEP = 1
+ENABLED, SAFE_STATE, REFUSED, TRUTH, UNASKED = 1, 1 << 5, 1 << 6, 1 << 7, 1 << 8
+SILENT_PERIODS = 10
+PERIODS_NS = range(10_000, 1_000_000_001)
+
+
+class RigCommand(ctypes.Structure):
+    """From the loop to the rig, once a tick."""
+
+    _fields_ = [
+        ("protocol_version", ctypes.c_uint32),
+        ("mode", ctypes.c_uint32),
+        ("flags", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("session", ctypes.c_uint64),
+        ("tick", ctypes.c_uint64),
+        ("loop_time_ns", ctypes.c_uint64),
+        ("wakeup_ns", ctypes.c_uint64),
+        ("period_ns", ctypes.c_uint64),
+        ("leg_length_m", ctypes.c_double * 6),
+        ("leg_speed_m_s", ctypes.c_double * 6),
+        ("leg_flow_speed_m_s", ctypes.c_double * 6),
+        ("leg_force_n", ctypes.c_double * 6),
+        ("plate_position_m", ctypes.c_double * 3),
+        ("plate_attitude", ctypes.c_double * 4),
+        ("plate_velocity_m_s", ctypes.c_double * 3),
+        ("plate_rate_rad_s", ctypes.c_double * 3),
+        ("mechanism", ctypes.c_double * 8),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """Under which iceoryx2 knows it."""
+        return "DocktwinRigCommandV1"
+
+    def numbers(self):
+        """Every number that must be finite."""
+        for name, kind in self._fields_:
+            if issubclass(kind, ctypes.Array):
+                yield from getattr(self, name)
+
+
+class RigMeasurement(ctypes.Structure):
+    """From the rig to the loop, once a tick."""
+
+    _fields_ = [
+        ("protocol_version", ctypes.c_uint32),
+        ("status", ctypes.c_uint32),
+        ("refusal", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("session", ctypes.c_uint64),
+        ("tick", ctypes.c_uint64),
+        ("stamp_ns", ctypes.c_uint64),
+        ("state_digest", ctypes.c_uint64),
+        ("leg_length_m", ctypes.c_double * 6),
+        ("leg_speed_m_s", ctypes.c_double * 6),
+        ("leg_force_n", ctypes.c_double * 6),
+        ("valve_spool", ctypes.c_double * 6),
+        ("sensor_a", ctypes.c_double * 6),
+        ("sensor_b", ctypes.c_double * 6),
+        ("mechanism", ctypes.c_double * 10),
+        ("temperature_c", ctypes.c_double * 8),
+        ("truth_position_m", ctypes.c_double * 3),
+        ("truth_attitude", ctypes.c_double * 4),
+        ("truth_twist", ctypes.c_double * 6),
+        ("truth_port3", ctypes.c_double * 6),
+        ("truth_port4", ctypes.c_double * 6),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """Under which iceoryx2 knows it."""
+        return "DocktwinRigMeasurementV1"
+
+
+class Desk:
+    """The rig's end: judges every command, keeps the safe state, lets the plant take its ticks.
+
+    A plant has `follow(command)` and `alone(period_ns)`, which take one tick and return a measurement.
+    """
+
+    def __init__(self, plant):
+        self.plant = plant
+        self.session = 0
+        self.tick = None
+        self.held = None
+        self.lockstep = False
+        self.safe = False
+        self.stopped = False
+        self.period_ns = 1_000_000
+        self.stamp_ns = 0
+        self.moved_ns = 0
+        self.ahead = 0
+        self.refused = {}
+
+    def _refusal(self, c: RigCommand, now_ns: int) -> int:
+        if c.protocol_version != VERSION:
+            return 1
+        if c.mode > STOP:
+            return 6
+        if c.period_ns not in PERIODS_NS:
+            return 10
+        if c.session == 0:
+            return 7
+        if c.session == self.session and self.tick is not None and c.tick <= self.tick:
+            return 3
+        if not all(map(math.isfinite, c.numbers())):
+            return 4
+        if not c.flags & LOCKSTEP and c.wakeup_ns > now_ns:
+            return 5
+        return 0
+
+    def due_ns(self, lockstep_patience_ns: int) -> float:
+        """When the rig takes a tick of its own unless a command comes."""
+        if self.safe:
+            return self.moved_ns + self.period_ns
+        if self.held is None or self.held.mode not in (HOLD, TRACK, RETRACT):
+            return math.inf
+        if self.lockstep:
+            return self.moved_ns + lockstep_patience_ns
+        return self.moved_ns + SILENT_PERIODS * self.period_ns
+
+    def command(self, c: RigCommand, now_ns: int) -> RigMeasurement:
+        """One command in, one measurement out."""
+        real = not c.flags & LOCKSTEP
+        if real and not self.lockstep and now_ns > self.due_ns(0):
+            self.safe = True
+        self.moved_ns = now_ns
+        refusal = self._refusal(c, now_ns)
+        if refusal:
+            self.safe = True
+            self.ahead += 1
+            self.refused[refusal] = self.refused.get(refusal, 0) + 1
+            m = self.plant.alone(self.period_ns)
+            m.status |= REFUSED
+            m.refusal = refusal
+            return self._fill(m, c.session, c.tick, now_ns if real else self.stamp_ns + self.period_ns)
+        fresh = c.session != self.session
+        missed = 0 if fresh else c.tick - self.tick - 1
+        if c.mode == IDLE:
+            self.safe = self.safe and not fresh
+            self.stopped = False
+        elif fresh:
+            self.safe = True
+        self.stopped = self.stopped or c.mode == STOP
+        owed = max(missed - self.ahead, 0) if real else 0
+        self.session, self.tick, self.period_ns = c.session, c.tick, c.period_ns
+        self.lockstep, self.ahead = not real, 0
+        if self.safe:
+            m = self.plant.alone(c.period_ns)
+        else:
+            for _ in range(min(owed, SILENT_PERIODS)):
+                self.plant.follow(self.held)
+            self.held = RigCommand.from_buffer_copy(c)
+            if self.stopped:
+                self.held.mode = STOP
+            m = self.plant.follow(self.held)
+        return self._fill(m, c.session, c.tick, c.wakeup_ns + c.period_ns)
+
+    def silence(self, now_ns: int) -> RigMeasurement:
+        """One period without a command, after the patience with the loop is over."""
+        # From then on along a grid, but never behind by more than a period.
+        on_grid_ns = self.moved_ns + self.period_ns if self.safe else now_ns
+        self.moved_ns = max(min(on_grid_ns, now_ns), now_ns - self.period_ns)
+        self.safe = True
+        self.ahead += 1
+        m = self.plant.alone(self.period_ns)
+        m.status |= UNASKED
+        stamp_ns = self.stamp_ns if self.lockstep else now_ns
+        return self._fill(m, self.session, self.tick or 0, stamp_ns)
+
+    def _fill(self, m, session, tick, stamp_ns):
+        m.protocol_version = VERSION
+        m.session, m.tick, m.stamp_ns = session, tick, stamp_ns
+        if self.safe:
+            m.status |= SAFE_STATE
+        self.stamp_ns = stamp_ns
+        return m

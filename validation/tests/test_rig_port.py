@@ -1,0 +1,147 @@
+"""The rig in Python: layout and judging as docs/rig-protocol.md says, contact as (14)."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "validation/rig"))
+
+from geometry import RigFile, compose, quaternion, rotation  # noqa: E402
+from protocol import (  # noqa: E402
+    HOLD,
+    IDLE,
+    LOCKSTEP,
+    REFUSED,
+    SAFE_STATE,
+    TRACK,
+    UNASKED,
+    Desk,
+    RigCommand,
+    RigMeasurement,
+)
+
+MS = 1_000_000
+
+
+def page_fields(heading):
+    """Offset, size and name of every row of a table of the page."""
+    page = (ROOT / "docs/rig-protocol.md").read_text()
+    section = page.split(f"### {heading}")[1].split("\n#")[0]
+    cells = [line.split("|") for line in section.splitlines() if line.startswith("| ")]
+    rows = [c for c in cells if c[1].strip().isdigit()]
+    return [(int(c[1]), int(c[2]), c[3].strip().strip("`")) for c in rows]
+
+
+@pytest.mark.parametrize("structure", [RigCommand, RigMeasurement])
+def test_layout_is_that_of_the_page(structure):
+    fields = [getattr(structure, name) for name, _ in structure._fields_]
+    names = [name for name, _ in structure._fields_]
+    ours = [(f.offset, f.size, n) for f, n in zip(fields, names)]
+    assert ours == page_fields(structure.__name__)
+    assert sum(size for _, size, _ in ours) == ctypes.sizeof(structure)
+
+
+class Still:
+    """A plant that counts what it is asked for."""
+
+    def __init__(self):
+        self.followed, self.left_alone = 0, 0
+
+    def follow(self, _command):
+        self.followed += 1
+        return RigMeasurement()
+
+    def alone(self, _period_ns):
+        self.left_alone += 1
+        return RigMeasurement()
+
+
+def command(session, tick, mode, **changes):
+    c = RigCommand(protocol_version=1, mode=mode, flags=LOCKSTEP, session=session, tick=tick)
+    c.loop_time_ns = c.wakeup_ns = tick * MS
+    c.period_ns = MS
+    for name, value in changes.items():
+        setattr(c, name, value)
+    return c
+
+
+SPOILED = [
+    (1, {"protocol_version": 2}),
+    (3, {"tick": 1}),
+    (4, {"plate_position_m": (ctypes.c_double * 3)(0, math.nan, 0)}),
+    (5, {"flags": 0, "wakeup_ns": 10**18}),
+    (6, {"mode": 5}),
+    (7, {"session": 0}),
+    (10, {"period_ns": 9_999}),
+]
+
+
+@pytest.mark.parametrize(("reason", "changes"), SPOILED)
+def test_a_refused_command_never_arrives(reason, changes):
+    desk = Desk(Still())
+    desk.command(command(5, 0, IDLE), 0)
+    desk.command(command(5, 1, TRACK), 0)
+    spoiled = command(5, 2, TRACK)
+    for name, value in changes.items():
+        setattr(spoiled, name, value)
+    m = desk.command(spoiled, 0)
+    assert m.refusal == reason and m.status & REFUSED and m.status & SAFE_STATE
+    assert desk.plant.followed == 2
+    # Held until an idle command of a new session.
+    for tick, mode in [(3, TRACK), (4, IDLE)]:
+        assert desk.command(command(5, tick, mode), 0).status & SAFE_STATE
+    assert desk.plant.followed == 2
+    assert not desk.command(command(6, 0, IDLE), 0).status & SAFE_STATE
+
+
+def test_silence_ends_in_the_safe_state():
+    desk = Desk(Still())
+    desk.command(command(5, 0, IDLE, flags=0), 0)
+    assert desk.due_ns(0) == math.inf
+    desk.command(command(5, 1, HOLD, flags=0, wakeup_ns=0), 3 * MS)
+    assert desk.due_ns(0) == 13 * MS
+    m = desk.silence(13 * MS)
+    assert m.status & SAFE_STATE and m.status & UNASKED and m.tick == 1
+    assert desk.due_ns(0) == 14 * MS
+
+
+def test_a_session_begins_with_idle():
+    desk = Desk(Still())
+    assert desk.command(command(5, 0, TRACK), 0).status & SAFE_STATE
+    assert desk.plant.followed == 0
+
+
+def test_the_contact_is_a_spring_beyond_its_free_play():
+    pytest.importorskip("iceoryx2")
+    from rig import Plate
+
+    plate = Plate(RigFile(ROOT / "models/urdf/stewart.urdf"), "y", 35.4e3, 0.010, bare=True)
+    turned = quaternion([0.0, 0.0, 0.1])
+    for y, force in [(0.0, 0.0), (0.0099, 0.0), (0.016, -212.4), (-0.012, 70.8)]:
+        x_34 = (plate.rig.middle_p_34 + [0.0, y, 0.0], turned)
+        p, q = compose(compose(plate.rig.x_b3, x_34), plate.rig.x_4p)
+        c = command(1, 1, TRACK)
+        c.plate_position_m[:], c.plate_attitude[:] = p, q
+        m = plate.follow(c)
+        f3, f4 = np.array(m.truth_port3), np.array(m.truth_port4)
+        np.testing.assert_allclose(rotation(turned) @ f4[:3], [0.0, force, 0.0], atol=1e-9)
+        # Both ports hold each other in balance about the origin of e3.
+        np.testing.assert_allclose(f3[:3], [0.0, -force, 0.0], atol=1e-9)
+        np.testing.assert_allclose(f3[3:], np.cross(x_34[0], f3[:3]), atol=1e-9)
+
+
+def test_sensors_of_steel_feel_the_weight():
+    pytest.importorskip("iceoryx2")
+    from rig import Plate
+
+    plate = Plate(RigFile(ROOT / "models/urdf/stewart.urdf"), "x", 35.4e3, 0.010)
+    m = plate.alone(MS)
+    # 240 kg on the rack and 200 kg on the plate, gravity along -X; noise of 0.3 N.
+    assert abs(m.sensor_a[0] + 240 * 9.81) < 3 and abs(m.sensor_b[0] + 200 * 9.81) < 3
