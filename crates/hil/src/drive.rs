@@ -276,6 +276,9 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             tracking_m: apart.p.length().max(turned),
             ticks_without: self.without,
             rig_left: self.left() || !m.has(status::ENABLED),
+            saturated: m.status & (status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED) != 0,
+            // Whether a sensor is alive is what is being found out.
+            ticks_frozen: 0,
         };
         self.supervisor.judge(&watched, self.tick).map_or(Ok(()), |t| Err(DriveError::Trip(t)))
     }
