@@ -150,14 +150,18 @@ pub struct LegRecord {
     pub flow_gain: f64,
     /// Speed with the valve fully open, as believed, m/s.
     pub no_load_speed_m_s: f64,
+    /// Sliding friction, N.
+    pub friction_n: f64,
     /// Length error at standstill, m.
     pub hold_error_m: f64,
     /// Lag on a slow move, s.
     pub lag_s: f64,
-    /// The same four with corrections: what is left.
+    /// The same with corrections: what is left.
     pub corrected_null_bias: f64,
     /// See `corrected_null_bias`.
     pub corrected_flow_gain: f64,
+    /// See `corrected_null_bias`.
+    pub corrected_friction_n: f64,
     /// See `corrected_null_bias`.
     pub corrected_hold_error_m: f64,
     /// See `corrected_null_bias`.
@@ -410,10 +414,12 @@ impl IdentificationFile {
             null_bias: a.null_bias[i],
             flow_gain: a.flow_gain[i],
             no_load_speed_m_s: found.no_load_speed_m_s[i],
+            friction_n: a.friction_n[i],
             hold_error_m: a.hold_error_m[i],
             lag_s: a.leg_lag_s[i],
             corrected_null_bias: b.null_bias[i],
             corrected_flow_gain: b.flow_gain[i],
+            corrected_friction_n: b.friction_n[i],
             corrected_hold_error_m: b.hold_error_m[i],
             corrected_lag_s: b.leg_lag_s[i],
         };
@@ -459,6 +465,7 @@ impl IdentificationFile {
             found: Pass {
                 null_bias: of(|l| l.null_bias),
                 flow_gain: of(|l| l.flow_gain),
+                friction_n: of(|l| l.friction_n),
                 hold_error_m: of(|l| l.hold_error_m),
                 leg_lag_s: of(|l| l.lag_s),
                 lag_s: self.uncorrected_lag_s,
@@ -466,6 +473,7 @@ impl IdentificationFile {
             corrected: Pass {
                 null_bias: of(|l| l.corrected_null_bias),
                 flow_gain: of(|l| l.corrected_flow_gain),
+                friction_n: of(|l| l.corrected_friction_n),
                 hold_error_m: of(|l| l.corrected_hold_error_m),
                 leg_lag_s: of(|l| l.corrected_lag_s),
                 lag_s: self.delay_s,

@@ -102,6 +102,8 @@ pub struct Pass {
     pub null_bias: [f64; 6],
     /// Flow gain of every valve over what its controller believes.
     pub flow_gain: [f64; 6],
+    /// Sliding friction of every leg, N: half of what the oil pushes more on the way out than back.
+    pub friction_n: [f64; 6],
     /// Length error at standstill, m, wanted less measured.
     pub hold_error_m: [f64; 6],
     /// Lag of every leg on the slow move, s; equal lags are delay, the rest is gain.
@@ -283,7 +285,8 @@ fn cruise<R: Rig, K: Clock>(
         c.duration_s(),
         |t| c.at(t),
         |s| {
-            if (ramp_s + SETTLE_S..=ramp_s + steady_s).contains(&s.time_s) {
+            // Symmetric, so that both ways are looked at in the same poses.
+            if (ramp_s + SETTLE_S..=ramp_s + steady_s - SETTLE_S).contains(&s.time_s) {
                 let x = c.at(s.time_s).x_34;
                 let wanted = platform.at(&platform.plate_from_docking(&x)).length_m;
                 means.push(s, &wanted, x.p.x - s.x_34.p.x);
@@ -306,6 +309,7 @@ fn pass<R: Rig, K: Clock>(
     let mut out = Pass {
         null_bias: [0.0; 6],
         flow_gain: [0.0; 6],
+        friction_n: [0.0; 6],
         hold_error_m: still.leg_error_m,
         leg_lag_s: [0.0; 6],
         lag_s: (ways[0].error - ways[1].error) / (2.0 * speed),
@@ -323,6 +327,9 @@ fn pass<R: Rig, K: Clock>(
         };
         out.null_bias[i] = bias;
         out.flow_gain[i] = 0.5 * (gain(0) + gain(1));
+        out.friction_n[i] = 0.5
+            * (ways[0].force_n[i] - ways[1].force_n[i])
+            * (speeds[0][i] - speeds[1][i]).signum();
         out.leg_lag_s[i] =
             (ways[0].leg_error_m[i] - ways[1].leg_error_m[i]) / (speeds[0][i] - speeds[1][i]);
     }

@@ -29,6 +29,8 @@ fn oracle_bias_gain_and_delay_are_those_of_the_draw() {
             let gain_error = found.found.flow_gain[i] / gain - 1.0;
             println!("   leg {i}: bias error {bias_error:+.1e}, gain error {gain_error:+.1e}");
             assert!(bias_error.abs() < 3e-4 && gain_error.abs() < 1e-2);
+            let friction = found.found.friction_n[i] / is.friction.coulomb_n - 1.0;
+            assert!(friction.abs() < 0.05, "friction of leg {i} is off by {friction}");
             // What is left under corrections.
             let (before, after) = (found.found.hold_error_m[i], found.corrected.hold_error_m[i]);
             assert!(after.abs() < 2e-6 && after.abs() < 0.5 * before.abs(), "{before} {after}");

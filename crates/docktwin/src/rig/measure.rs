@@ -242,10 +242,11 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
     for i in 0..6 {
         let (a, b) = (&found.found, &found.corrected);
         words.push(format!(
-            "leg {i}        null bias {:+.4} % of stroke, flow gain {:.4}; at standstill {:+.1} um, \
+            "leg {i}        null bias {:+.4} % of stroke, flow gain {:.4}, friction {:.0} N; at standstill {:+.1} um, \
              corrected {:+.1} um",
             a.null_bias[i] * 100.0,
             a.flow_gain[i],
+            a.friction_n[i],
             a.hold_error_m[i] * 1e6,
             b.hold_error_m[i] * 1e6
         ));
