@@ -34,7 +34,7 @@ use docktwin_hil::{
     calibrate::Calibration,
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
-    identify::Identification,
+    identify::{Identification, sensor_interface},
     in_process::InProcess,
     ipc::IpcRig,
     realtime::{RealtimeSetup, Shortage, relax},
@@ -171,8 +171,12 @@ impl Known {
     /// Delay of the plate and the lead that undoes plate and sensor, as identified.
     fn delays_s(&self, sensor: &ForceSensor) -> Option<(f64, f64)> {
         let found = &self.identification.as_ref()?.1;
-        let sensor = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
-        Some((found.delay_s(), found.lead_s(&sensor)))
+        let of_a = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
+        let lag_s = self
+            .calibration
+            .as_ref()
+            .map_or_else(|| sensor_interface(sensor).lag_s(), |c| c.1.lag_s(1, sensor));
+        Some((found.delay_s() + lag_s, found.lead_s(&of_a)))
     }
 
     /// One line for the checklist, and the digest for the record.
@@ -231,7 +235,7 @@ impl<'a> Prepared<'a> {
         let known = Known::read(args, &rig)?;
         let (interface_delay_s, lead_s) = known
             .delays_s(&sensors.force)
-            .unwrap_or((interface_delay_s, interface_delay_s + lag_s));
+            .unwrap_or((interface_delay_s + lag_s, interface_delay_s + lag_s));
         let compensation = compensation(args, scenario, lead_s)?;
         let limits = &scenario.mechanism.limits;
         let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;

@@ -57,8 +57,9 @@ pub struct LoopSetup {
     pub scheme: SensorScheme,
     /// What sensor B carries, as believed.
     pub payload: Payload,
-    /// From the instant a command is for to the instant the plate is there, s; weight and inertia of
-    /// what sensor B carries are taken off with it.
+    /// From the instant a command is for to the instant at which sensor B reads what the plate does
+    /// then, s: delay of the plate and lag of the sensor. Weight and inertia of what the sensor carries
+    /// are taken off with it.
     pub interface_delay_s: f64,
     /// What ends the run.
     pub limits: SafetyLimits,

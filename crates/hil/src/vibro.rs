@@ -395,7 +395,7 @@ impl VibroTest {
             added_ticks: 0,
             scheme: s.scheme,
             payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
-            interface_delay_s: believed_delays_s(rig)[0],
+            interface_delay_s: believed_delays_s(rig).iter().sum(),
             limits: SafetyLimits::of_rig(rig, LOAD_LIMIT, LOAD_LIMIT),
             approach: Approach {
                 speed_m_s: 0.05,

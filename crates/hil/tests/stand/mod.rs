@@ -122,7 +122,6 @@ impl Stand {
             session: 1,
             patience: Duration::ZERO,
             dry_run: false,
-            added_ticks: 0,
             rig: self.rig.clone(),
         }
     }
