@@ -8,6 +8,7 @@ use std::{
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
+        mpsc::sync_channel,
     },
     time::{Duration, Instant as WallInstant, SystemTime, UNIX_EPOCH},
 };
@@ -40,8 +41,8 @@ use docktwin_hil::{
     realtime::{RealtimeSetup, Shortage, relax},
     rig::Rig,
     scheduler::{
-        Approach, Check, LegCorrections, Loop, LoopSetup, LoopTimes, Phase, Running, Stopped,
-        TickRecord,
+        Approach, ArmError, Check, Idle, LegCorrections, Loop, LoopSetup, LoopTimes, Phase,
+        Running, Stopped, TickRecord,
     },
 };
 use docktwin_model::{ForceSensor, HydraulicPreset, Rig as RigModel, load_rig};
@@ -308,7 +309,7 @@ impl<'a> Prepared<'a> {
     }
 
     fn emulated(&self, args: &HilArgs) -> Result<InProcess<EmulatedRig>, Failure> {
-        let rest = self.rig.docking.pose([0.0; 6]);
+        let rest = crate::rig::clear(&self.rig, &self.system);
         EmulatedRig::new(
             &self.rig,
             self.preset,
@@ -447,16 +448,7 @@ impl<'a> Prepared<'a> {
         let live = args.live.as_deref().map(|url| Live::start(url, self.scenario, &hil_columns()));
         let live = live.transpose()?;
         let wall = WallInstant::now();
-        let armed =
-            Loop::new(self.setup.clone(), rig, clock).arm(checks).map_err(|e| Failure::Usage {
-                what: e.to_string(),
-                remedy: "mend what failed and arm again; nothing has moved".to_owned(),
-            })?;
-        if !json {
-            for c in armed.checks() {
-                eprintln!("{} {:14} {}", if c.passed { "ok  " } else { "FAIL" }, c.name, c.found);
-            }
-        }
+        let idle = Loop::new(self.setup.clone(), rig, clock);
         let recorder = Recorder::new(&self, args, out, live, !K::LOCKSTEP)?;
         // Last: from here on the terminal is the pilot's.
         let pilot = args.pilot.pilot.then(|| {
@@ -471,11 +463,16 @@ impl<'a> Prepared<'a> {
         let pilot = pilot.transpose()?;
         let hand = Hand::new(self.scenario, pilot.as_ref().map(Pilot::stick));
         let bar = progress(self.setup.ticks, json || pilot.is_some());
+        let told = !json;
         let (ended, recorder, best_effort) = if K::LOCKSTEP {
+            let armed = idle.arm(checks).map_err(not_armed)?;
+            if told {
+                tell_checks(armed.checks());
+            }
             let (ended, recorder) = in_virtual_time(armed.start(), hand, recorder, &bar);
             (ended, recorder, None)
         } else {
-            in_real_time(armed.start(), hand, recorder, args)?
+            in_real_time(idle, checks, hand, recorder, args, told)?
         };
         bar.finish_and_clear();
         if pilot.is_some() {
@@ -824,82 +821,119 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
     (ended(running, broken, 0), recorder)
 }
 
-/// The loop on a thread of its own, with what the machine grants; this thread looks at the ticks.
+fn not_armed(e: ArmError) -> Failure {
+    Failure::Usage {
+        what: e.to_string(),
+        remedy: "mend what failed and arm again; nothing has moved".to_owned(),
+    }
+}
+
+fn tell_checks(checks: &[Check]) {
+    for c in checks {
+        eprintln!("{} {:14} {}", if c.passed { "ok  " } else { "FAIL" }, c.name, c.found);
+    }
+}
+
+/// The loop in this thread, with what the machine grants, from arming on; another one looks at the
+/// ticks. Between arming and the first tick nothing is done that could take long: the rig waits.
 fn in_real_time<'a, R: Rig, K: Clock>(
-    mut running: Loop<R, K, Running>,
-    mut hand: Hand,
+    idle: Loop<R, K, Idle>,
+    checks: Vec<Check>,
+    hand: Hand,
     mut recorder: Recorder<'a>,
     args: &HilArgs,
+    told: bool,
 ) -> Result<(Ended, Recorder<'a>, Option<String>), Failure> {
     let shortage = if args.allow_best_effort { Shortage::BestEffort } else { Shortage::Refuse };
     let realtime = RealtimeSetup { core: args.core, ..RealtimeSetup::default() };
     let ring: Arc<Ring<Option<TickRecord>>> = Arc::new(Ring::new(RING_TICKS, || None));
     let stop = Arc::new(AtomicBool::new(false));
-    // The rig stays in the thread that made it: this one becomes the loop's, the other looks.
+    let (passed, to_tell) = sync_channel::<Vec<Check>>(1);
     let looker = {
         let (ring, stop) = (Arc::clone(&ring), Arc::clone(&stop));
-        move |recorder: &mut Recorder<'_>| loop {
-            let closed = ring.is_closed();
-            match ring.read(|r| *r) {
-                Some(Some(r)) => {
-                    if recorder.take(&r) {
-                        stop.store(true, Ordering::Relaxed);
+        move |recorder: &mut Recorder<'_>| {
+            if let (Ok(checks), true) = (to_tell.recv(), told) {
+                tell_checks(&checks);
+            }
+            loop {
+                let closed = ring.is_closed();
+                match ring.read(|r| *r) {
+                    Some(Some(r)) => {
+                        if recorder.take(&r) {
+                            stop.store(true, Ordering::Relaxed);
+                        }
                     }
+                    Some(None) => {}
+                    None if closed => return,
+                    None => std::thread::sleep(Duration::from_millis(2)),
                 }
-                Some(None) => {}
-                None if closed => return,
-                None => std::thread::sleep(Duration::from_millis(2)),
             }
         }
     };
     let mut shortfalls = None;
     let result = std::thread::scope(|scope| {
-        let looking = scope.spawn(|| looker(&mut recorder));
-        let granted = realtime.apply(shortage);
-        let out = match granted {
-            Err(e) => Err(Failure::Usage {
-                what: e.to_string(),
-                remedy: "`docktwin doctor` tells what this machine offers a loop".to_owned(),
-            }),
-            Ok(report) => {
-                if report.is_best_effort() {
-                    let words: Vec<String> =
-                        report.shortfalls.iter().map(|s| s.step.to_string()).collect();
-                    shortfalls = Some(format!("best effort: without {}", words.join(", ")));
-                }
-                let mut broken = None;
-                let mut dropped = 0_u64;
-                let mut closed = 0;
-                while !running.finished() {
-                    let control = if running.phase() == Phase::Closed {
-                        hand.inputs(seconds(closed))
-                    } else {
-                        Inputs::default()
-                    };
-                    match running.tick(&control) {
-                        Ok(r) => {
-                            hand.look(&r);
-                            closed = r.closed_tick.map_or(closed, |k| k + 1);
-                            dropped += u64::from(!ring.write(|slot| *slot = Some(r)));
-                        }
-                        Err(e) => {
-                            broken = Some(e.to_string());
-                            break;
-                        }
-                    }
-                    if stop.load(Ordering::Relaxed) || hand.ended() {
-                        running.end();
-                    }
-                }
-                relax();
-                Ok(ended(running, broken, dropped))
+        // Before the priority is taken: threads started later would share the core.
+        let recorder = &mut recorder;
+        let looking = scope.spawn(move || looker(recorder));
+        let granted = realtime.apply(shortage).map_err(|e| Failure::Usage {
+            what: e.to_string(),
+            remedy: "`docktwin doctor` tells what this machine offers a loop".to_owned(),
+        });
+        let out = granted.and_then(|report| {
+            if report.is_best_effort() {
+                let words: Vec<String> =
+                    report.shortfalls.iter().map(|s| s.step.to_string()).collect();
+                shortfalls = Some(format!("best effort: without {}", words.join(", ")));
             }
-        };
+            let armed = idle.arm(checks).map_err(not_armed)?;
+            let checks = armed.checks().to_vec();
+            let running = armed.start();
+            // Never full: it is sent once.
+            let _ = passed.try_send(checks);
+            let out = keep_time(running, hand, &ring, &stop);
+            relax();
+            Ok(out)
+        });
+        drop(passed);
         ring.close();
         let _ = looking.join();
         out
     })?;
     Ok((result, recorder, shortfalls))
+}
+
+/// Tick after tick until the rig is at rest.
+fn keep_time<R: Rig, K: Clock>(
+    mut running: Loop<R, K, Running>,
+    mut hand: Hand,
+    ring: &Ring<Option<TickRecord>>,
+    stop: &AtomicBool,
+) -> Ended {
+    let mut broken = None;
+    let mut dropped = 0_u64;
+    let mut closed = 0;
+    while !running.finished() {
+        let control = if running.phase() == Phase::Closed {
+            hand.inputs(seconds(closed))
+        } else {
+            Inputs::default()
+        };
+        match running.tick(&control) {
+            Ok(r) => {
+                hand.look(&r);
+                closed = r.closed_tick.map_or(closed, |k| k + 1);
+                dropped += u64::from(!ring.write(|slot| *slot = Some(r)));
+            }
+            Err(e) => {
+                broken = Some(e.to_string());
+                break;
+            }
+        }
+        if stop.load(Ordering::Relaxed) || hand.ended() {
+            running.end();
+        }
+    }
+    ended(running, broken, dropped)
 }
 
 /// Looks at every tick of the closed loop: events, log, viewer, and what is compared afterwards.

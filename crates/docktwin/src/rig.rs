@@ -216,6 +216,13 @@ struct Stand {
     scenario: Scenario,
 }
 
+/// Where an emulated rig begins, `X_34`: a stick in the middle of its frame, any other mechanism drawn
+/// back so far that nothing touches.
+pub(crate) fn clear(rig: &RigModel, system: &System) -> Pose {
+    let x = if system.mechanism().stick.is_some() { 0.0 } else { DRAWN_BACK };
+    rig.docking.pose([x, 0.0, 0.0, 0.0, 0.0, 0.0])
+}
+
 impl Stand {
     fn load(rig: &Path, built: &BuiltArgs) -> Result<Self, Failure> {
         let model = load_rig(rig)?.model;
@@ -252,8 +259,7 @@ impl Stand {
 
     /// Where nothing touches, `X_34`.
     fn clear(&self) -> Pose {
-        let x = if self.has_stick() { 0.0 } else { DRAWN_BACK };
-        self.rig.docking.pose([x, 0.0, 0.0, 0.0, 0.0, 0.0])
+        clear(&self.rig, &self.system)
     }
 
     fn emulated(&self, built: &BuiltArgs, at: &Pose) -> Result<EmulatedRig, Failure> {
