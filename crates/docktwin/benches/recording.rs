@@ -32,7 +32,7 @@ enum Kept {
 fn run(scenario: &Scenario, kept: Kept, dir: &Path) -> [f64; 2] {
     let _ = std::fs::remove_dir_all(dir);
     let (system, bodies) = start(scenario).expect("the sides are apart");
-    let names = playback::pair_names(&scenario);
+    let names = playback::pair_names(scenario);
     let metadata = BTreeMap::from([(
         "started_unix_ns".to_owned(),
         std::time::SystemTime::UNIX_EPOCH.elapsed().expect("after 1970").as_nanos().to_string(),

@@ -10,7 +10,7 @@ use std::{
         atomic::{AtomicBool, Ordering},
         mpsc::sync_channel,
     },
-    time::{Duration, Instant as WallInstant, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant as WallInstant},
 };
 
 use docktwin::{
@@ -69,7 +69,7 @@ use crate::{
     commands::overrides,
     failure::{Failure, OTHERWISE, STOPPED},
     models::ModelCopies,
-    rehearse::{Run, default_directory, digest_keys, print, progress},
+    rehearse::{Asked, Run, default_directory, digest_keys, print, progress},
 };
 
 /// Rig when neither scenario nor command line names one.
@@ -543,12 +543,7 @@ fn session(args: &HilArgs) -> u64 {
 
 /// A number that no earlier run has had.
 pub(crate) fn wall_session() -> u64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .ok()
-        .and_then(|d| u64::try_from(d.as_nanos()).ok())
-        .unwrap_or(1)
-        .max(1)
+    u64::try_from(jiff::Timestamp::now().as_nanosecond()).unwrap_or(1).max(1)
 }
 
 /// The longest run-up that stays clear of the other side.
@@ -1079,7 +1074,6 @@ impl<'a> Recorder<'a> {
         let x_34 = (r.bodies[0].pose() * x_13).inverse() * r.bodies[1].pose() * x_24;
         loop_row(r, &x_34, self.timed, &mut self.run.row);
         contact_rows(&now, &mut self.run.contacts);
-        drop(now);
         self.watcher = watcher;
         told.append(&mut self.run.events);
         let due = !told.is_empty() || core::mem::take(&mut self.run.frame_due);
@@ -1141,8 +1135,13 @@ impl<'a> Recorder<'a> {
         let judgement = self.run.monitor.judge(time.seconds());
         let expect = scenario.expect.of_hil();
         let state = self.watcher.state().clone();
-        let mut summary =
-            self.run.summary(scenario, &expect, args.seed, &state, &judgement, last, time);
+        let mut summary = self.run.summary(
+            &Asked { scenario, expect: &expect, seed: args.seed },
+            &state,
+            &judgement,
+            last,
+            time,
+        );
         let stopped = ended.end.trip.is_some() || ended.broken.is_some();
         if args.dry_run {
             // There and back: whatever the scenario expects, nothing was to happen.

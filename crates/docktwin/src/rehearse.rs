@@ -326,8 +326,13 @@ impl Setup<'_> {
         if lost.is_none() {
             lost = writer.event(&outcome_event).err().map(Failure::from);
         }
-        let mut summary =
-            run.summary(scenario, &scenario.expect, self.seed, &state, &judgement, tick, time);
+        let mut summary = run.summary(
+            &Asked { scenario, expect: &scenario.expect, seed: self.seed },
+            &state,
+            &judgement,
+            tick,
+            time,
+        );
         if let Some((mut v, _)) = view {
             v.event(time, &outcome_event.kind, &outcome_event.text)?;
             if let Err(e) = v.finish() {
@@ -393,6 +398,14 @@ struct PairStory {
 /// The larger error; one that is not a number is the worst of all.
 fn worst(so_far: f64, now: f64) -> f64 {
     if now.is_nan() { f64::INFINITY } else { so_far.max(now) }
+}
+
+/// What was asked of a run.
+pub(crate) struct Asked<'a> {
+    pub(crate) scenario: &'a Scenario,
+    /// What makes the verdict.
+    pub(crate) expect: &'a Expect,
+    pub(crate) seed: u64,
 }
 
 /// What is gathered along a run.
@@ -610,9 +623,7 @@ impl Run {
 
     pub(crate) fn summary(
         &self,
-        scenario: &Scenario,
-        expect: &Expect,
-        seed: u64,
+        asked: &Asked<'_>,
         state: &DockingState,
         judgement: &Judgement,
         ticks: u64,
@@ -635,7 +646,7 @@ impl Run {
             impulse_ns: state.impulse_ns,
             exit_speed_m_s: if capture_s.is_some() { None } else { self.exit_speed },
         };
-        let mut failures = expect.failures(&measured);
+        let mut failures = asked.expect.failures(&measured);
         if self.energy_error > ENERGY_TOLERANCE {
             failures.push(format!(
                 "the energy account does not close: off by {:.3} % of the energy put in",
@@ -649,8 +660,8 @@ impl Run {
         Summary {
             schema_version: SUMMARY_SCHEMA,
             tool_version: env!("CARGO_PKG_VERSION").to_owned(),
-            scenario: scenario.name.clone(),
-            seed,
+            scenario: asked.scenario.name.clone(),
+            seed: asked.seed,
             state_digest: self.chain.finish().to_string(),
             outcome: match judgement.outcome {
                 Judged::Captured => Outcome::Captured,
