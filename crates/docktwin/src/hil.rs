@@ -30,7 +30,7 @@ use docktwin_control::{
     safety::{Limit, SafetyLimits, Trip, half_widths},
     sensing::SensorScheme,
 };
-use docktwin_core::{Digest, Pose, SimTime, Tick};
+use docktwin_core::{Digest, Euler, Pose, SimTime, Tick};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
@@ -469,7 +469,7 @@ impl<'a> Prepared<'a> {
             if told {
                 tell_checks(armed.checks());
             }
-            let (ended, recorder) = in_virtual_time(armed.start(), hand, recorder, &bar);
+            let (ended, recorder) = in_virtual_time(armed.start(), hand, recorder, &bar, told);
             (ended, recorder, None)
         } else {
             in_real_time(idle, checks, hand, recorder, args, told)?
@@ -652,6 +652,37 @@ impl Hand {
     }
 }
 
+/// Ticks between two lines to a pilot.
+const PILOT_LINE_TICKS: u64 = 100;
+
+/// What a pilot without a window flies by, in one line that replaces itself.
+fn pilot_line(r: &TickRecord) {
+    let m = &r.motion;
+    let (p, v, f, n) = (m.x_34.p, m.twist.v, r.control.chaser.f, r.control.chaser.m);
+    let e = Euler::from_quat(m.x_34.q);
+    let line = format!(
+        "\r{:8} x {:+.3} y {:+.3} z {:+.3} m  closing {:+.3} m/s  roll {:+.2} pitch {:+.2} yaw {:+.2} °  \
+         contact {:.0} N  F1 {:+.0} {:+.0} {:+.0} N  M1 {:+.0} {:+.0} {:+.0} N·m\x1b[K",
+        r.phase.name(),
+        p.x,
+        p.y,
+        p.z,
+        -v.x,
+        e.roll.to_degrees(),
+        e.pitch.to_degrees(),
+        e.yaw.to_degrees(),
+        r.ports.port4.f.length(),
+        f.x,
+        f.y,
+        f.z,
+        n.x,
+        n.y,
+        n.z,
+    );
+    // A terminal that has gone ends the run by its keyboard.
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
 /// Digest of a tick: bodies, rig and control wrenches.
 fn digest_of(r: &TickRecord) -> Digest {
     tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control)
@@ -776,6 +807,7 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
     mut hand: Hand,
     mut recorder: Recorder<'a>,
     bar: &indicatif::ProgressBar,
+    told: bool,
 ) -> (Ended, Recorder<'a>) {
     let mut broken = None;
     let mut closed = 0;
@@ -797,6 +829,9 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
         match running.tick(&control) {
             Ok(r) => {
                 hand.look(&r);
+                if hand.stick.is_some() && told && r.tick.is_multiple_of(PILOT_LINE_TICKS) {
+                    pilot_line(&r);
+                }
                 if let Some(k) = r.closed_tick {
                     closed = k + 1;
                     if closed.is_multiple_of(100) {

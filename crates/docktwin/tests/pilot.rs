@@ -100,6 +100,46 @@ fn invariant_a_piloted_run_replays_bit_by_bit() {
     assert_eq!(said["ticks"], ticks);
 }
 
+/// The same against the emulated rig: pushed from the run-up on, ended by the pilot in the closed loop.
+#[test]
+fn invariant_a_piloted_run_against_a_rig_replays_bit_by_bit() {
+    let at = tempfile::tempdir().expect("a folder");
+    let dir = at.path().join("flown");
+    let path = dir.to_str().expect("a path of text");
+    let words = [
+        "hil",
+        "scenarios/vibro_impact.toml",
+        "--rig",
+        "emulated",
+        "--no-rrd",
+        "--pilot",
+        "--pilot-hold=60",
+        "--out",
+        path,
+    ];
+    let done = python(&["settle>w|F1 +41>q"], &words);
+    let text = String::from_utf8_lossy(&done.stdout);
+    assert!(text.contains("terminal restored") && text.contains("steps left []"), "{text}");
+
+    let mut reader = RunReader::open(&dir).expect("a recording");
+    let x = reader.column_index("chaser_control_force_x_n").expect("its column");
+    let (mut pushed, mut ticks) = (0, 0);
+    while let Some(t) = reader.next_tick().expect("a tick") {
+        ticks += 1;
+        pushed += u32::from(t.row[x].as_f64() > 0.0);
+    }
+    assert!(pushed > 10 && ticks < 1500, "{pushed} of {ticks}");
+    let replay = Command::new(env!("CARGO_BIN_EXE_docktwin"))
+        .current_dir(root())
+        .args(["replay", "--json"])
+        .arg(&dir)
+        .output()
+        .expect("docktwin starts");
+    let said: Value = serde_json::from_slice(&replay.stdout).expect("JSON");
+    assert_eq!(said["identical"], Value::Bool(true), "{said}");
+    assert_eq!(said["ticks"], ticks);
+}
+
 #[test]
 fn invariant_control_c_gives_the_terminal_back() {
     let at = tempfile::tempdir().expect("a folder");
