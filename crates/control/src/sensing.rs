@@ -4,8 +4,8 @@
 //! scheme), less weight and inertia of what it carries, or from A by (12) and (13) (single-sensor
 //! scheme), which is right as far as the moving part of the active mechanism is light.
 
-use docktwin_core::{DVec3, Pose, Twist, Wrench};
-use docktwin_physics::mounted::{Payload, Ports};
+use docktwin_core::{Pose, Wrench};
+use docktwin_physics::mounted::{Carried, Payload, Ports};
 
 /// Where F4, M4 come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,17 +15,6 @@ pub enum SensorScheme {
     Single,
     /// From sensor B.
     Two,
-}
-
-/// What the plate does while a sensor on it is read: gravity (m/s²) in `e4`, and motion of `e4`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Carried {
-    /// Gravity in axes of `e4`, m/s².
-    pub gravity: DVec3,
-    /// Angular velocity in axes of `e4`, rad/s.
-    pub rate: DVec3,
-    /// Acceleration of the origin of `e4` (m/s²) and angular acceleration (rad/s²), axes of `e4`.
-    pub acceleration: Twist,
 }
 
 /// (12) and (13): the wrench on the target at `e4` that belongs to the wrench on the chaser at `e3`,
@@ -58,7 +47,7 @@ impl Conditioning {
     /// Takes a sample for the tare; nothing touches.
     pub fn tare_sample(&mut self, a: &Wrench, b: &Wrench, carried: &Carried) {
         self.sum[0] += *a;
-        self.sum[1] += *b + -self.weight(carried);
+        self.sum[1] += *b + -self.payload.wrench(carried);
         self.samples += 1;
     }
 
@@ -79,17 +68,13 @@ impl Conditioning {
         &self.tare
     }
 
-    fn weight(&self, c: &Carried) -> Wrench {
-        self.payload.wrench(c.gravity, c.rate, &c.acceleration)
-    }
-
     /// Wrenches at both ports from readings of one instant, at which the mechanisms stood at `x_34`.
     #[must_use]
     pub fn ports(&self, a: &Wrench, b: &Wrench, x_34: &Pose, carried: &Carried) -> Ports {
         let port3 = *a + -self.tare[0];
         let port4 = match self.scheme {
             SensorScheme::Single => opposite(&port3, x_34),
-            SensorScheme::Two => *b + -self.tare[1] + -self.weight(carried),
+            SensorScheme::Two => *b + -self.tare[1] + -self.payload.wrench(carried),
         };
         Ports { port3, port4 }
     }
@@ -97,7 +82,7 @@ impl Conditioning {
 
 #[cfg(test)]
 mod tests {
-    use docktwin_core::{DMat3, DQuat};
+    use docktwin_core::{DMat3, DQuat, DVec3, Twist};
 
     use super::*;
 
@@ -132,7 +117,7 @@ mod tests {
         let mut c = Conditioning::new(SensorScheme::Two, payload);
         let still = Carried { gravity: DVec3::new(-9.81, 0.0, 0.0), ..Carried::default() };
         let zero = Wrench { f: DVec3::splat(3.0), m: DVec3::splat(-2.0) };
-        let read = |at: &Carried| payload.wrench(at.gravity, at.rate, &at.acceleration) + zero;
+        let read = |at: &Carried| payload.wrench(at) + zero;
         for _ in 0..10 {
             c.tare_sample(&Wrench::ZERO, &read(&still), &still);
         }

@@ -20,7 +20,7 @@ use docktwin::{
     playback::{self, Playback},
     rigfile::{self, CalibrationFile, IdentificationFile, Origin, Read},
     ring::Ring,
-    setup::{inputs_after, start, thrust_ahead, tick_digest},
+    setup::{inputs_after, start, thrust_ahead},
     signals::{contact_rows, row},
     telemetry::{CONTACT_N, Watcher, hil_columns, loop_row},
 };
@@ -683,11 +683,6 @@ fn pilot_line(r: &TickRecord) {
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
-/// Digest of a tick: bodies, rig and control wrenches.
-fn digest_of(r: &TickRecord) -> Digest {
-    tick_digest(Digest::of_bytes(&r.digest.to_le_bytes()), &r.control)
-}
-
 /// What of a recorded tick a replay needs.
 #[derive(Clone, Copy)]
 pub(crate) struct RecordedTick {
@@ -764,7 +759,7 @@ pub(crate) fn replay(
         if r.closed_tick.is_none() && tick == 0 {
             continue;
         }
-        let now = digest_of(&r).short();
+        let now = r.digest().short();
         if now != then.digest {
             return Ok(Some((tick, then.digest, now)));
         }
@@ -1100,7 +1095,7 @@ impl<'a> Recorder<'a> {
                 self.lost.get_or_insert(e);
             }
         }
-        let digest = digest_of(r);
+        let digest = r.digest();
         if r.closed_tick.is_some() {
             self.run.chain(digest);
         }

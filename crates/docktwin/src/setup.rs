@@ -123,9 +123,6 @@ pub fn thrust_ahead(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> bo
 #[must_use]
 pub fn tick_digest(state: Digest, inputs: &Inputs) -> Digest {
     let mut h = StateHasher::chained(state);
-    for w in [inputs.chaser, inputs.target] {
-        h.vec3(w.f);
-        h.vec3(w.m);
-    }
+    inputs.hash_into(&mut h);
     h.finish()
 }

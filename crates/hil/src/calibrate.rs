@@ -25,8 +25,9 @@ use nalgebra::{Complex, DMatrix, DVector, SVector};
 
 use crate::{
     clock::Clock,
-    drive::{Drive, DriveError, Sample, wrench},
+    drive::{Drive, DriveError, Sample},
     identify::sensor_interface,
+    port::{six, wrench},
     rig::Rig,
 };
 
@@ -141,17 +142,13 @@ const MULTIPLES: usize = 5;
 /// Rounds in which lateness and masses settle on each other.
 const ROUNDS: u32 = 8;
 
-fn six(w: &Wrench) -> [f64; 6] {
-    [w.f.x, w.f.y, w.f.z, w.m.x, w.m.y, w.m.z]
-}
-
 /// The wrench that a payload makes, by unknowns: gravity and acceleration of the sensor in its axes.
 /// What goes with the square of angular velocity swings twice as fast and is left out.
 fn rows(gravity: DVec3, acceleration: &Twist, zero: f64) -> [Row; 6] {
     let mut out = [Row::zeros(); 6];
     let (g, alpha) = (gravity - acceleration.v, acceleration.w);
     let mut put = |unknown: usize, w: Wrench| {
-        for (row, x) in out.iter_mut().zip(six(&w)) {
+        for (row, x) in out.iter_mut().zip(six(w.f, w.m)) {
             row[unknown] = x;
         }
     };
@@ -251,7 +248,7 @@ pub fn calibrate<R: Rig, K: Clock>(
         let turn = DQuat::from_scaled_axis(along(dof, sign * setup.tilt_rad).w);
         let (mean, x_34) = at_rest(drive, &Pose::new(place.p, (turn * place.q).normalize()))?;
         tare_a.get_or_insert(mean[0]);
-        still.push((rows(gravity_4(&x_34), &Twist::default(), 1.0), six(&mean[1])));
+        still.push((rows(gravity_4(&x_34), &Twist::default(), 1.0), six(mean[1].f, mean[1].m)));
     }
     drive.go(&place)?;
     let periods = (SINE_S * setup.hz).ceil();

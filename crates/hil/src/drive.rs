@@ -9,13 +9,13 @@ use docktwin_control::{
     planner::Move,
     safety::{SafetyLimits, Supervisor, Trip, Watched, half_widths},
 };
-use docktwin_core::{DVec3, Pose, Wrench};
+use docktwin_core::{DVec3, Pose};
 use docktwin_model::Rig as RigModel;
 use docktwin_physics::{platform::Platform, programme::RelativeMotion};
 
 use crate::{
     clock::Clock,
-    port::{RigCommand, RigMeasurement, RigMode, flag, status},
+    port::{RigCommand, RigMeasurement, RigMode, largest, status, wrench},
     rig::{Rig, RigError},
     scheduler::LegCorrections,
 };
@@ -80,7 +80,7 @@ const SESSIONS: u32 = 3;
 /// Ticks of rest before, and of stopping after.
 const REST_TICKS: u32 = 20;
 const STOP_TICKS: u32 = 300;
-/// Commanded poses kept for the tracking error: the command before last is for now.
+/// Commanded poses kept for the tracking error: the command before last is of the present instant.
 const PAST: usize = 3;
 
 /// A rig on the lead.
@@ -102,21 +102,10 @@ pub struct Drive<R, K> {
     without: u32,
 }
 
-/// A wrench of six numbers at the port.
-#[must_use]
-pub fn wrench(x: &[f64; 6]) -> Wrench {
-    Wrench { f: DVec3::new(x[0], x[1], x[2]), m: DVec3::new(x[3], x[4], x[5]) }
-}
-
 fn seconds(ns: u64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "hours are far below 2^53 ns")]
     let s = ns as f64 * 1e-9;
     s
-}
-
-fn largest(x: &[f64; 6]) -> f64 {
-    // A NaN must come through.
-    x.iter().fold(0.0, |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a })
 }
 
 impl<R: Rig, K: Clock> Drive<R, K> {
@@ -193,14 +182,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
     }
 
     fn blank(&self, mode: RigMode, due_ns: u64) -> RigCommand {
-        let mut c = RigCommand::zero();
-        c.mode = mode as u32;
-        c.flags = if K::LOCKSTEP { flag::LOCKSTEP } else { 0 };
-        c.session = self.setup.session;
-        c.tick = self.tick;
-        (c.loop_time_ns, c.wakeup_ns) = (due_ns, due_ns);
-        c.period_ns = self.clock.period_ns();
-        c
+        RigCommand::still(&self.clock, mode, self.setup.session, self.tick, due_ns)
     }
 
     /// Waits for the next tick and takes what there is: when it was due, and whether there was
@@ -240,18 +222,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         let plate = PlateMotion::of_docking(&self.platform, &m.x_34, &rates);
         let legs = self.setup.feedforward.command(&plate)?.legs;
         let mut out = self.blank(RigMode::Track, due_ns);
-        for (i, leg) in legs.iter().enumerate() {
-            out.leg_length_m[i] = leg.length_m;
-            out.leg_speed_m_s[i] = leg.speed_m_s;
-            out.leg_flow_speed_m_s[i] =
-                self.setup.corrections.flow_speed_m_s(i, leg.flow_speed_m_s);
-            out.leg_force_n[i] = leg.force_n;
-        }
-        let q = plate.x_bp.q;
-        out.plate_position_m = plate.x_bp.p.to_array();
-        out.plate_attitude = [q.w, q.x, q.y, q.z];
-        out.plate_velocity_m_s = plate.twist.v.to_array();
-        out.plate_rate_rad_s = plate.twist.w.to_array();
+        out.ask(&plate, &legs, &self.setup.corrections);
         self.past.rotate_right(1);
         self.past[0] = plate.x_bp;
         Ok(out)

@@ -9,18 +9,18 @@ use docktwin_control::{
     planner::Move,
     rig::{ClosedRig, RigSetup, SetupError, TICK_S},
 };
-use docktwin_core::{DQuat, DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::{HydraulicPreset, Rig, RigSensors};
 use docktwin_physics::{
     mechanism::{LatchPhase, RING, System},
-    mounted::{Mounted, Payload},
+    mounted::{Carried, Mounted, Payload},
     platform::Platform,
     rig::{ReducedRig, RigPlant},
     sensor::{Noise, Sensor, SensorParameters, quantised},
 };
 
 use crate::{
-    port::{RigCommand, RigMeasurement, RigMode, status},
+    port::{RigCommand, RigMeasurement, RigMode, six, status},
     rig::Plant,
 };
 
@@ -61,6 +61,17 @@ enum Own {
     Retract { way: Move, time_s: f64 },
 }
 
+/// Weight and inertia on the sensors.
+#[derive(Clone, Copy, Debug)]
+struct OnSensors {
+    /// In `eb`.
+    gravity_m_s2: DVec3,
+    /// Weight that sensor A carries beside the ring: the rack does not move.
+    on_a: Wrench,
+    /// What sensor B carries.
+    on_b: Payload,
+}
+
 /// An emulated rig.
 #[derive(Clone, Debug)]
 pub struct EmulatedRig<P = ReducedRig> {
@@ -70,7 +81,7 @@ pub struct EmulatedRig<P = ReducedRig> {
     mounted: Mounted,
     touched: bool,
     sensors: [Sensor; 2],
-    carried: [Payload; 2],
+    carried: OnSensors,
     model: RigSensors,
     noise: Noise,
     own: Option<Own>,
@@ -129,15 +140,22 @@ impl<P: RigPlant> EmulatedRig<P> {
             }
             on_rack.mass_kg = left.max(0.0);
         }
-        let x_p4 = rig.x_4p.inverse();
-        let carried = [on_rack, Payload::of(rig.passive_payload, &x_p4)];
+        let level = Carried {
+            gravity: (rig.x_b0 * rig.x_03).q.conjugate() * rig.gravity_m_s2,
+            ..Carried::default()
+        };
+        let carried = OnSensors {
+            gravity_m_s2: rig.gravity_m_s2,
+            on_a: on_rack.wrench(&level),
+            on_b: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+        };
         let mounted = Mounted::new(system, rig, step_s);
         let drawn = |i: u64| match built {
             Some(seed) => SensorParameters::drawn(model.force, seed, SENSOR_STREAM + i),
             None => SensorParameters::of_file(model.force),
         };
         let still = Twist::default();
-        let weights = Self::weights(rig, &carried, &mounted, &x_bp, &still, &still);
+        let weights = Self::weights(&carried, &mounted, &x_bp, &still, &still);
         let sensor = |i: u64| {
             let noise = Noise::new(seed, NOISE_STREAM + i);
             Sensor::new(drawn(i), step_s, noise, weights[i as usize])
@@ -161,26 +179,15 @@ impl<P: RigPlant> EmulatedRig<P> {
 
     /// What both sensors feel of weight and inertia; acceleration of the origin of `ep`, in `eb`.
     fn weights(
-        rig: &Rig,
-        carried: &[Payload; 2],
+        carried: &OnSensors,
         mounted: &Mounted,
         x_bp: &Pose,
         twist: &Twist,
         acceleration: &Twist,
     ) -> [Wrench; 2] {
-        let q3 = (rig.x_b0 * rig.x_03).q.conjugate();
-        let still = Twist::default();
-        let a = carried[0].wrench(q3 * rig.gravity_m_s2, DVec3::ZERO, &still);
-        let x_b4 = *x_bp * mounted.passive_mount();
-        let (q4, arm) = (x_b4.q.conjugate(), x_b4.p - x_bp.p);
-        let (w, alpha) = (twist.w, acceleration.w);
-        let at_4 = acceleration.v + alpha.cross(arm) + w.cross(w.cross(arm));
-        let b = carried[1].wrench(
-            q4 * rig.gravity_m_s2,
-            q4 * w,
-            &Twist { v: q4 * at_4, w: q4 * alpha },
-        );
-        [a + mounted.ring_weight(), b]
+        let x_p4 = mounted.passive_mount();
+        let on_b = Carried::on_plate(x_bp, &x_p4, carried.gravity_m_s2, twist, acceleration);
+        [carried.on_a + mounted.ring_weight(), carried.on_b.wrench(&on_b)]
     }
 
     /// The mechanism.
@@ -283,7 +290,7 @@ impl<P: RigPlant> EmulatedRig<P> {
                 &held
             }
         };
-        let Self { closed, mounted, sensors, carried, rig, middle, .. } = self;
+        let Self { closed, mounted, sensors, carried, middle, .. } = self;
         let step_s = closed.plant().step_s();
         let done = closed.tick(command, |x_bp, twist| {
             let (on_plate, ports) = mounted.advance(x_bp, twist);
@@ -293,7 +300,7 @@ impl<P: RigPlant> EmulatedRig<P> {
             let (new, old) = (slope(twist, &middle[0]), slope(&middle[0], &middle[1]));
             let acceleration = Twist { v: new.v * 1.5 - old.v * 0.5, w: new.w * 1.5 - old.w * 0.5 };
             *middle = [*twist, middle[0]];
-            let [a, b] = Self::weights(rig, carried, mounted, x_bp, twist, &acceleration);
+            let [a, b] = Self::weights(carried, mounted, x_bp, twist, &acceleration);
             sensors[0].step(ports.port3 + a);
             sensors[1].step(ports.port4 + b);
             on_plate
@@ -334,8 +341,8 @@ impl<P: RigPlant> EmulatedRig<P> {
         }
         let [a, b] = &mut self.sensors;
         let (a, b) = (a.read(self.time_s), b.read(self.time_s));
-        m.sensor_a = six(&a.wrench);
-        m.sensor_b = six(&b.wrench);
+        m.sensor_a = six(a.wrench.f, a.wrench.m);
+        m.sensor_b = six(b.wrench.f, b.wrench.m);
         if a.saturated {
             m.status |= status::SENSOR_A_SATURATED;
         }
@@ -361,20 +368,15 @@ impl<P: RigPlant> EmulatedRig<P> {
         m.truth_position_m = s.x_bp.p.to_array();
         let q = s.x_bp.q;
         m.truth_attitude = [q.w, q.x, q.y, q.z];
-        m.truth_twist =
-            [s.twist.v.x, s.twist.v.y, s.twist.v.z, s.twist.w.x, s.twist.w.y, s.twist.w.z];
-        m.truth_port3 = six(&ports.port3);
-        m.truth_port4 = six(&ports.port4);
+        m.truth_twist = six(s.twist.v, s.twist.w);
+        m.truth_port3 = six(ports.port3.f, ports.port3.m);
+        m.truth_port4 = six(ports.port4.f, ports.port4.m);
         let mut h = StateHasher::chained(self.closed.digest());
         self.mounted.hash_into(&mut h);
         self.sensors.iter().for_each(|s| s.hash_into(&mut h));
         m.state_digest = h.finish().short();
         m
     }
-}
-
-fn six(w: &Wrench) -> [f64; 6] {
-    [w.f.x, w.f.y, w.f.z, w.m.x, w.m.y, w.m.z]
 }
 
 impl<P: RigPlant> Plant for EmulatedRig<P> {
@@ -392,15 +394,7 @@ impl<P: RigPlant> Plant for EmulatedRig<P> {
             flow_speed_m_s: command.leg_flow_speed_m_s[i],
             force_n: command.leg_force_n[i],
         });
-        let [w, x, y, z] = command.plate_attitude;
-        let x_bp = Pose::new(
-            DVec3::from_array(command.plate_position_m),
-            DQuat::from_xyzw(x, y, z, w).normalize(),
-        );
-        let twist = Twist {
-            v: DVec3::from_array(command.plate_velocity_m_s),
-            w: DVec3::from_array(command.plate_rate_rad_s),
-        };
+        let (x_bp, twist) = (command.plate(), command.plate_twist());
         self.commanded = PlateMotion { x_bp, twist, ..PlateMotion::default() };
         let c = feedforward::RigCommand { legs, x_bp, twist };
         self.tick(Some(&c))

@@ -10,6 +10,11 @@
 
 use core::fmt;
 
+use docktwin_control::feedforward::{LegCommand, PlateMotion};
+use docktwin_core::{DQuat, DVec3, Pose, Twist, Wrench};
+
+use crate::{clock::Clock, scheduler::LegCorrections};
+
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Version of both structures. A peer of another version is refused.
@@ -206,6 +211,65 @@ impl RigCommand {
         }
     }
 
+    /// Without motion, for a tick that is due at `due_ns`.
+    pub(crate) fn still<K: Clock>(
+        clock: &K,
+        mode: RigMode,
+        session: u64,
+        tick: u64,
+        due_ns: u64,
+    ) -> Self {
+        Self {
+            mode: mode as u32,
+            flags: if K::LOCKSTEP { flag::LOCKSTEP } else { 0 },
+            session,
+            tick,
+            loop_time_ns: due_ns,
+            wakeup_ns: due_ns,
+            period_ns: clock.period_ns(),
+            ..Self::zero()
+        }
+    }
+
+    /// Asks for a motion of the plate: what its legs are to do, less what was identified of them.
+    pub(crate) fn ask(
+        &mut self,
+        plate: &PlateMotion,
+        legs: &[LegCommand; 6],
+        corrections: &LegCorrections,
+    ) {
+        for (i, leg) in legs.iter().enumerate() {
+            self.leg_length_m[i] = leg.length_m;
+            self.leg_speed_m_s[i] = leg.speed_m_s;
+            self.leg_flow_speed_m_s[i] = corrections.flow_speed_m_s(i, leg.flow_speed_m_s);
+            self.leg_force_n[i] = leg.force_n;
+        }
+        let q = plate.x_bp.q;
+        self.plate_position_m = plate.x_bp.p.to_array();
+        self.plate_attitude = [q.w, q.x, q.y, q.z];
+        self.plate_velocity_m_s = plate.twist.v.to_array();
+        self.plate_rate_rad_s = plate.twist.w.to_array();
+    }
+
+    /// The pose asked for, `X_bp`.
+    #[must_use]
+    pub fn plate(&self) -> Pose {
+        let [w, x, y, z] = self.plate_attitude;
+        Pose::new(
+            DVec3::from_array(self.plate_position_m),
+            DQuat::from_xyzw(x, y, z, w).normalize(),
+        )
+    }
+
+    /// The twist asked for: velocity of the origin of `ep` and angular velocity, in `eb`.
+    #[must_use]
+    pub fn plate_twist(&self) -> Twist {
+        Twist {
+            v: DVec3::from_array(self.plate_velocity_m_s),
+            w: DVec3::from_array(self.plate_rate_rad_s),
+        }
+    }
+
     /// True when no number is infinite or not a number.
     #[must_use]
     pub fn is_finite(&self) -> bool {
@@ -276,6 +340,23 @@ impl RigMeasurement {
         measured.into_iter().all(|x| x.is_finite())
             && (!self.has(status::TRUTH) || truth.into_iter().all(|x| x.is_finite()))
     }
+}
+
+/// A wrench of six numbers.
+#[must_use]
+pub fn wrench(x: &[f64; 6]) -> Wrench {
+    Wrench { f: DVec3::new(x[0], x[1], x[2]), m: DVec3::new(x[3], x[4], x[5]) }
+}
+
+/// Six numbers of a wrench, or of a twist.
+#[must_use]
+pub fn six(first: DVec3, second: DVec3) -> [f64; 6] {
+    [first.x, first.y, first.z, second.x, second.y, second.z]
+}
+
+/// The largest in size; a NaN comes through.
+pub(crate) fn largest(x: &[f64; 6]) -> f64 {
+    x.iter().fold(0.0, |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a })
 }
 
 /// Why a command or a measurement was not used.

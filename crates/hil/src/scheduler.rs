@@ -17,13 +17,13 @@ use docktwin_control::{
     feedforward::{Feedforward, PlateMotion},
     planner::{Move, RunUp},
     safety::{Limit, SafetyLimits, Supervisor, Trip, Watched, half_widths},
-    sensing::{Carried, Conditioning, SensorScheme},
+    sensing::{Conditioning, SensorScheme},
 };
-use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::Rig as RigModel;
 use docktwin_physics::{
     body::BodyState,
-    mounted::{Payload, Ports},
+    mounted::{Carried, Payload, Ports},
     platform::Platform,
     programme::{Programme, RelativeMotion},
     reduced::Inputs,
@@ -32,7 +32,7 @@ use docktwin_physics::{
 use crate::{
     clock::{Clock, ClockCounts},
     histogram::{LatencyHistogram, PhaseHistograms},
-    port::{RigCommand, RigMeasurement, RigMode, flag, status},
+    port::{RigCommand, RigMeasurement, RigMode, flag, largest, status, wrench},
     realtime::monotonic_ns,
     rig::{Rig, RigError},
 };
@@ -177,8 +177,19 @@ pub struct TickRecord {
     pub command: RigCommand,
     /// The limit that was passed, from its tick on.
     pub trip: Option<Trip>,
-    /// Digest of the bodies and of the rig as far as it tells.
-    pub digest: u64,
+}
+
+impl TickRecord {
+    /// Digest of the bodies, of the rig as far as it tells, and of the control wrenches. Not for the
+    /// loop's own path.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut h = StateHasher::new();
+        self.bodies.iter().for_each(|b| b.hash_into(&mut h));
+        h.u64(self.measurement.state_digest);
+        self.control.hash_into(&mut h);
+        h.finish()
+    }
 }
 
 /// One line of the arming checklist.
@@ -417,18 +428,11 @@ impl<R: Rig, K: Clock, S> Loop<R, K, S> {
     }
 
     /// A command of this tick without motion.
-    fn still(&self, mode: RigMode, loop_time_ns: u64, wakeup_ns: u64) -> RigCommand {
-        let mut c = RigCommand::zero();
-        c.mode = mode as u32;
-        c.flags = if K::LOCKSTEP { flag::LOCKSTEP } else { 0 };
+    fn still(&self, mode: RigMode, due_ns: u64) -> RigCommand {
+        let mut c = RigCommand::still(&self.clock, mode, self.setup.session, self.tick, due_ns);
         if self.setup.dry_run {
             c.flags |= flag::DRY_RUN;
         }
-        c.session = self.setup.session;
-        c.tick = self.tick;
-        c.loop_time_ns = loop_time_ns;
-        c.wakeup_ns = wakeup_ns;
-        c.period_ns = self.clock.period_ns();
         c
     }
 }
@@ -468,7 +472,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             }
             // Rest, then stand under power: the second half of the samples.
             let mode = if 2 * samples.len() < IDLE_TICKS { RigMode::Idle } else { RigMode::Hold };
-            let c = self.still(mode, w.due_ns, w.due_ns);
+            let c = self.still(mode, w.due_ns);
             self.rig.send(&c)?;
             self.tick += 1;
         }
@@ -625,15 +629,6 @@ fn same_bits(a: &[f64; 6], b: &[f64; 6]) -> bool {
     a.map(f64::to_bits) == b.map(f64::to_bits)
 }
 
-fn largest(x: &[f64; 6]) -> f64 {
-    // A NaN must come through.
-    x.iter().fold(0.0, |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a })
-}
-
-fn wrench(x: &[f64; 6]) -> Wrench {
-    Wrench { f: DVec3::new(x[0], x[1], x[2]), m: DVec3::new(x[3], x[4], x[5]) }
-}
-
 impl<R: Rig, K: Clock> Loop<R, K, Armed> {
     /// The checklist as it was passed.
     pub fn checks(&self) -> &[Check] {
@@ -724,7 +719,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             self.enter_stop();
         }
         if self.state.phase == Phase::Stop {
-            command = self.still(RigMode::Stop, command.loop_time_ns, command.wakeup_ns);
+            command = self.still(RigMode::Stop, w.due_ns);
         }
         timed(4);
 
@@ -737,9 +732,6 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         for (i, ns) in lap.into_iter().enumerate() {
             self.times.phases.record_ns(i, ns);
         }
-        let mut h = StateHasher::new();
-        self.state.bodies.hash_into(&mut h);
-        h.u64(self.state.last.state_digest);
         Ok(TickRecord {
             tick: w.tick,
             closed_tick,
@@ -756,7 +748,6 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             motion,
             command,
             trip,
-            digest: h.finish().short(),
         })
     }
 
@@ -800,7 +791,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
 
     /// The plate as commanded, when it should be where it is measured now.
     fn carried(&self) -> Carried {
-        // The newest command is for now; the plate is where it was asked to be this much earlier.
+        // The newest command is of the present instant; the plate is where it was asked to be this
+        // much earlier.
         let s = &self.state;
         let t = self.period_s();
         let back = (self.setup.interface_delay_s / t).clamp(0.0, (PAST - 2) as f64);
@@ -813,16 +805,9 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             v: mix(new.acceleration.v, old.acceleration.v),
             w: mix(new.acceleration.w, old.acceleration.w),
         };
-        let rate = mix(new.twist.w, old.twist.w);
         let rig = &self.setup.rig;
-        let x_b4 = s.x_bp * rig.x_4p.inverse();
-        let (q, arm) = (x_b4.q.conjugate(), x_b4.p - s.x_bp.p);
-        let at_4 = acceleration.v + acceleration.w.cross(arm) + rate.cross(rate.cross(arm));
-        Carried {
-            gravity: q * rig.gravity_m_s2,
-            rate: q * rate,
-            acceleration: Twist { v: q * at_4, w: q * acceleration.w },
-        }
+        let twist = Twist { v: new.twist.v, w: mix(new.twist.w, old.twist.w) };
+        Carried::on_plate(&s.x_bp, &rig.x_4p.inverse(), rig.gravity_m_s2, &twist, &acceleration)
     }
 
     fn condition(&mut self, fresh: bool, x_34: &Pose) -> Ports {
@@ -901,7 +886,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
     }
 
     fn command(&mut self, motion: &RelativeMotion, due_ns: u64) -> RigCommand {
-        let mut out = self.still(RigMode::Track, due_ns, due_ns);
+        let mut out = self.still(RigMode::Track, due_ns);
         if self.state.phase == Phase::Stop {
             return out;
         }
@@ -918,18 +903,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
             out.leg_length_m = [f64::NAN; 6];
             return out;
         };
-        for (i, leg) in c.legs.iter().enumerate() {
-            out.leg_length_m[i] = leg.length_m;
-            out.leg_speed_m_s[i] = leg.speed_m_s;
-            out.leg_flow_speed_m_s[i] =
-                self.setup.corrections.flow_speed_m_s(i, leg.flow_speed_m_s);
-            out.leg_force_n[i] = leg.force_n;
-        }
-        let q = plate.x_bp.q;
-        out.plate_position_m = plate.x_bp.p.to_array();
-        out.plate_attitude = [q.w, q.x, q.y, q.z];
-        out.plate_velocity_m_s = plate.twist.v.to_array();
-        out.plate_rate_rad_s = plate.twist.w.to_array();
+        out.ask(&plate, &c.legs, &self.setup.corrections);
         out
     }
 
@@ -944,9 +918,9 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
                 ticks_without: s.without,
                 ..Watched::default()
             };
-            return self.state.supervisor.judge(&Watched { stroke_margin_m: 1.0, ..w }, self.tick);
+            return self.state.supervisor.judge(&w, self.tick);
         }
-        // The command before last was for now.
+        // The command before last is of the present instant.
         let plan = s.past[1].x_bp;
         let apart = plan.inverse() * s.x_bp;
         let turned = apart.q.to_scaled_axis().length() * self.platform.plate_radius_m();

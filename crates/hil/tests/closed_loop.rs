@@ -1,55 +1,20 @@
 //! The whole loop on the emulated rig, in virtual time.
 #![expect(clippy::unwrap_used, reason = "a test stops where something is wrong")]
 
-use std::{path::Path, time::Duration};
+mod common;
 
-use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
+use common::stick::{Models, axis, emulated, models, settings};
+use docktwin_control::compensator::Compensation;
 use docktwin_core::{DVec3, Pose};
 use docktwin_hil::{
     clock::VirtualClock,
-    emulated::EmulatedRig,
     in_process::InProcess,
     scheduler::{Loop, Phase, TickRecord},
-    vibro::{Axis, Contact, PERIOD_NS, TABLE_4, VibroRun, VibroSettings, VibroTest},
+    vibro::{Contact, PERIOD_NS, TABLE_4, VibroRun, VibroSettings, VibroTest},
 };
-use docktwin_model::{
-    DockingMechanism, HydraulicPreset, Rig, Spacecraft, load_mechanism, load_rig, load_spacecraft,
-};
-
-struct Models {
-    rig: Rig,
-    stick: DockingMechanism,
-    body: Spacecraft,
-}
-
-fn models() -> Models {
-    let at = |f: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf").join(f);
-    let stick = load_mechanism(&at("stick_active.urdf"), &at("stick_passive.urdf"), None);
-    Models {
-        rig: load_rig(&at("stewart.urdf")).unwrap().model,
-        stick: stick.unwrap().model,
-        body: load_spacecraft(&at("test_2026kg.urdf")).unwrap().model,
-    }
-}
-
-fn axis(name: &str) -> Axis {
-    Axis::ALL.iter().find(|a| a.0 == name).unwrap().1
-}
-
-fn settings(compensation: Compensation) -> VibroSettings {
-    VibroSettings {
-        preset: HydraulicPreset::Printed,
-        compensation,
-        scheme: SensorScheme::Single,
-        contacts: 1,
-        session: 1,
-        patience: Duration::ZERO,
-    }
-}
 
 fn run(m: &Models, test: &VibroTest, s: &VibroSettings, look: impl FnMut(&TickRecord)) -> VibroRun {
-    let rest = m.rig.docking.pose([0.0; 6]);
-    let rig = EmulatedRig::new(&m.rig, s.preset, None, 1, test.system.clone(), &rest).unwrap();
+    let rig = emulated(m, test);
     let idle = Loop::new(test.setup(&m.rig, s), InProcess::new(rig), VirtualClock::new(PERIOD_NS));
     test.run(idle, look).unwrap()
 }
@@ -135,7 +100,7 @@ fn invariant_a_run_repeats_bit_by_bit() {
     let test = VibroTest::new(TABLE_4[5], &[axis("x"), axis("y")], &m.body, &m.stick).unwrap();
     let digests = || {
         let mut out = Vec::new();
-        run(&m, &test, &settings(Compensation::None), |r| out.push(r.digest));
+        run(&m, &test, &settings(Compensation::None), |r| out.push(r.digest()));
         out
     };
     let (a, b) = (digests(), digests());

@@ -4,10 +4,9 @@ mod common;
 
 use common::stick::{Models, axis, models, settings};
 use docktwin_control::compensator::Compensation;
-use docktwin_core::DVec3;
 use docktwin_hil::{
     clock::VirtualClock,
-    ideal::{IdealRig, Stops},
+    ideal::IdealRig,
     in_process::InProcess,
     scheduler::Loop,
     vibro::{Contact, PERIOD_NS, Row, TABLE_4, VibroTest},
@@ -15,18 +14,11 @@ use docktwin_hil::{
 
 /// The first contact of a row along or about an axis.
 fn contact(m: &Models, name: &str, row: Row, compensation: Compensation) -> Contact {
-    let a = axis(name);
-    let test = VibroTest::new(row, &[a], &m.body, &m.stick).expect("a stick");
-    let stick = m.stick.stick.as_ref().expect("a stick");
-    let stops = Stops {
-        axis: a.unit(),
-        lever_m: a.turns().then_some(stick.lever_m),
-        middle_m: DVec3::X * m.stick.docked_length_m(),
-        free_play_m: stick.play_m(),
-        stiffness_n_m: row.stiffness_n_m,
-    };
+    let test = VibroTest::new(row, &[axis(name)], &m.body, &m.stick).expect("a stick");
+    let stick = test.system.mechanism().stick.expect("a stick");
+    let docked_m = m.stick.docked_length_m();
     let start = m.rig.plate_from_docking(&m.rig.docking.pose([0.0; 6]));
-    let rig = InProcess::new(IdealRig::new(&m.rig, stops, start));
+    let rig = InProcess::new(IdealRig::new(&m.rig, stick, docked_m, start));
     let idle =
         Loop::new(test.setup(&m.rig, &settings(compensation)), rig, VirtualClock::new(PERIOD_NS));
     let run = test.run(idle, |_| ()).expect("armed, and answered to the end");

@@ -7,8 +7,8 @@ use docktwin_control::sensing::SensorScheme;
 use docktwin_core::{DVec3, Euler};
 use docktwin_hil::{
     calibrate::{CalibrateSetup, Calibration, Touch, calibrate},
-    drive::wrench,
     identify::Identification,
+    port::wrench,
     scheduler::{LegCorrections, LoopSetup, Phase, TickRecord},
     vibro::{Axis, TABLE_4, VibroTest},
 };

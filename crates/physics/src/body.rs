@@ -5,7 +5,7 @@
 //! (momentum exchanged at a frozen position); equal and opposite kicks at one point conserve the
 //! linear and angular momentum of the pair exactly.
 
-use docktwin_core::{DMat3, DQuat, DVec3, Pose, Twist, Wrench};
+use docktwin_core::{DMat3, DQuat, DVec3, Pose, StateHasher, Twist, Wrench};
 
 /// Constant mass properties of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,6 +140,14 @@ impl BodyState {
     pub fn kick_response(&self, mp: &MassProperties, wrench: Wrench, h: f64) -> Twist {
         let dw = self.q * (mp.inertia_inv * (self.q.conjugate() * wrench.m));
         Twist { v: wrench.f * (h / mp.mass), w: dw * h }
+    }
+
+    /// Adds all bits to a digest.
+    pub fn hash_into(&self, h: &mut StateHasher) {
+        h.vec3(self.p);
+        h.quat(self.q);
+        h.vec3(self.v);
+        h.vec3(self.l);
     }
 
     /// True when every component is finite.

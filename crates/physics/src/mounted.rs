@@ -21,6 +21,35 @@ pub struct Ports {
     pub port4: Wrench,
 }
 
+/// What a sensor does while it is read, everything in its axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Carried {
+    /// Gravity, m/s².
+    pub gravity: DVec3,
+    /// Angular velocity, rad/s.
+    pub rate: DVec3,
+    /// Acceleration of its origin (m/s²) and angular acceleration (rad/s²).
+    pub acceleration: Twist,
+}
+
+impl Carried {
+    /// A sensor on the plate at `x_ps`; gravity, and twist and acceleration of the origin of `ep`, in
+    /// `eb`.
+    #[must_use]
+    pub fn on_plate(
+        x_bp: &Pose,
+        x_ps: &Pose,
+        gravity: DVec3,
+        twist: &Twist,
+        acceleration: &Twist,
+    ) -> Self {
+        let q = (x_bp.q * x_ps.q).conjugate();
+        let (arm, w, alpha) = (x_bp.q * x_ps.p, twist.w, acceleration.w);
+        let a = acceleration.v + alpha.cross(arm) + w.cross(w.cross(arm));
+        Self { gravity: q * gravity, rate: q * w, acceleration: Twist { v: q * a, w: q * alpha } }
+    }
+}
+
 /// Weight and inertia of what a sensor carries, seen from the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Payload {
@@ -46,10 +75,10 @@ impl Payload {
         })
     }
 
-    /// Wrench on the sensor by weight and inertia, about its origin, in its axes. Everything in its
-    /// axes: gravity (m/s²), angular velocity, and the acceleration of its origin (m/s², rad/s²).
+    /// Wrench on the sensor by weight and inertia, about its origin, in its axes.
     #[must_use]
-    pub fn wrench(&self, gravity: DVec3, rate: DVec3, acceleration: &Twist) -> Wrench {
+    pub fn wrench(&self, carried: &Carried) -> Wrench {
+        let Carried { gravity, rate, acceleration } = *carried;
         let c = self.com_m;
         let alpha = acceleration.w;
         let a = acceleration.v + alpha.cross(c) + rate.cross(rate.cross(c));
@@ -266,10 +295,7 @@ impl Mounted {
 
     /// Adds all bits to a digest.
     pub fn hash_into(&self, h: &mut StateHasher) {
-        h.vec3(self.ring.p);
-        h.quat(self.ring.q);
-        h.vec3(self.ring.v);
-        h.vec3(self.ring.l);
+        self.ring.hash_into(h);
         self.state.hash_into(h);
         h.u64(self.steps);
     }

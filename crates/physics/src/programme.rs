@@ -6,7 +6,7 @@
 //! integrator of the docking, and gains no energy from sampling; a wrench held over the tick that
 //! follows it instead is half a tick late, 1.4 % of R_e in the fastest row of Table 4.
 
-use docktwin_core::{DQuat, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DQuat, Pose, Twist, Wrench};
 
 use crate::{
     body::{BodyState, MassProperties},
@@ -194,16 +194,6 @@ impl Programme {
             twist: here.relative_twist(),
             acceleration: rate,
             jerk: Twist::default(),
-        }
-    }
-
-    /// Adds all bits to a digest.
-    pub fn hash_into(&self, h: &mut StateHasher) {
-        for b in &self.bodies {
-            h.vec3(b.p);
-            h.quat(b.q);
-            h.vec3(b.v);
-            h.vec3(b.l);
         }
     }
 }

@@ -20,6 +20,16 @@ pub struct Inputs {
     pub target: Wrench,
 }
 
+impl Inputs {
+    /// Adds all bits to a digest.
+    pub fn hash_into(&self, h: &mut StateHasher) {
+        for w in [self.chaser, self.target] {
+            h.vec3(w.f);
+            h.vec3(w.m);
+        }
+    }
+}
+
 /// State of a docking: small, plain, cloneable and hashable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DockingState {
@@ -72,12 +82,7 @@ impl DockingState {
 
     /// Adds all bits to a digest.
     pub fn hash_into(&self, h: &mut StateHasher) {
-        for b in &self.bodies {
-            h.vec3(b.p);
-            h.quat(b.q);
-            h.vec3(b.v);
-            h.vec3(b.l);
-        }
+        self.bodies.iter().for_each(|b| b.hash_into(h));
         self.mechanism.hash_into(h);
         h.u64(self.step);
         h.f64(self.work_in_j);

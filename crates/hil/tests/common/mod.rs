@@ -15,11 +15,12 @@ use std::{
 
 use docktwin_core::{DVec3, Pose};
 use docktwin_hil::{
-    ideal::{IdealRig, Stops},
+    ideal::IdealRig,
     ipc::{RigServer, ServeOptions},
     port::{RigCommand, RigMeasurement, RigMode, flag, status},
     rig::{Plant, Rig},
 };
+use docktwin_model::Stick;
 
 pub(crate) const MS: u64 = 1_000_000;
 /// Far longer than any answer takes, on a machine that does other things besides.
@@ -38,6 +39,10 @@ fn middle() -> DVec3 {
     DVec3::new(0.6, 0.0, 0.0)
 }
 
+/// Table 4, rows 1 to 3.
+const STICK: Stick =
+    Stick { stiffness_n_m: 35.4e3, diameter_m: 0.0075, frame_opening_m: 0.0275, lever_m: 0.5 };
+
 /// The plate with the mechanisms apart by `d` from the middle, in `e3`: `X_bp = X_b3 · X_34 · X_4p`.
 pub(crate) fn plate_at(d: DVec3) -> Pose {
     x_b3() * Pose::from_translation(middle() + d) * x_4p()
@@ -51,8 +56,7 @@ pub(crate) fn ideal() -> IdealRig {
     let file =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf/stewart.urdf");
     let rig = docktwin_model::load_rig(&file).expect("the default rig").model;
-    let stops = Stops { middle_m: middle(), ..Stops::default() };
-    IdealRig::new(&rig, stops, start())
+    IdealRig::new(&rig, STICK, middle().x, start())
 }
 
 /// A name that no other test uses at the same time.
