@@ -4,6 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::{
+    company::{LiveArgs, PilotArgs},
+    rigs::{RealtimeArgs, RigPlace},
+};
+
 /// Digital twin of spacecraft docking: rehearse a docking from a scenario file, look at its
 /// contacts, replay it bit by bit.
 #[derive(Debug, Parser)]
@@ -23,7 +28,7 @@ Examples:
   docktwin scenario explain initial.gap_m
 
 Exit codes: 0 the run ended as its `expect` says; 1 it ended otherwise; 2 bad input or usage;
-70 a defect of docktwin.";
+3 the supervisor stopped the rig, and that was not expected; 70 a defect of docktwin.";
 
 /// Options of every command.
 #[derive(Debug, Args)]
@@ -118,15 +123,8 @@ pub(crate) struct RehearseArgs {
     /// Do not write run.rrd
     #[arg(long)]
     pub(crate) no_rrd: bool,
-    /// Show the run in a viewer that is open, while it happens
-    #[arg(
-        long,
-        value_name = "URL",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = docktwin_view::LIVE_URL
-    )]
-    pub(crate) live: Option<String>,
+    #[command(flatten)]
+    pub(crate) live: LiveArgs,
     #[command(flatten)]
     pub(crate) pilot: PilotArgs,
 }
@@ -135,8 +133,9 @@ const HIL: &str = "\
 The programme of both spacecraft answers the wrenches that the rig measures, 1000 times a second,
 and the rig shows the mechanisms how they would move. `emulated` runs an emulated rig in this
 process; `ipc:NAME` talks to another process (`docktwin rig emulate`, or a rig of your own written
-from docs/rig-protocol.md). With the virtual clock loop and rig wait for each other and a run
-repeats bit by bit; with the real-time clock the loop waits for nobody.
+from docs/rig-protocol.md) and asks before it moves that rig. With the virtual clock loop and rig
+wait for each other and a run repeats bit by bit; with the real-time clock the loop waits for
+nobody.
 
 A run: checklist and arming; a slow move to the beginning of the run-up, where sensors are tared;
 the run-up along the free flight to the initial condition; then the loop is closed. What is
@@ -162,7 +161,7 @@ pub(crate) struct HilArgs {
     pub(crate) scenario: PathBuf,
     /// The rig: `emulated` in this process, or `ipc:NAME` in another
     #[arg(long, value_name = "emulated|ipc:NAME")]
-    pub(crate) rig: String,
+    pub(crate) rig: RigPlace,
     /// What drives the ticks
     #[arg(long, value_enum, default_value_t = ClockArg::Virtual)]
     pub(crate) clock: ClockArg,
@@ -205,22 +204,10 @@ pub(crate) struct HilArgs {
     /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
     #[arg(long)]
     pub(crate) yes: bool,
-    /// Run on what the machine grants when it does not grant a real-time loop; the verdict is then
-    /// `degraded`
-    #[arg(long)]
-    pub(crate) allow_best_effort: bool,
-    /// Core that the loop keeps to, in real time
-    #[arg(long, value_name = "N")]
-    pub(crate) core: Option<usize>,
-    /// Show it in a viewer while it happens
-    #[arg(
-        long,
-        value_name = "URL",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = docktwin_view::LIVE_URL
-    )]
-    pub(crate) live: Option<String>,
+    #[command(flatten)]
+    pub(crate) realtime: RealtimeArgs,
+    #[command(flatten)]
+    pub(crate) live: LiveArgs,
     #[command(flatten)]
     pub(crate) pilot: PilotArgs,
 }
@@ -230,7 +217,7 @@ impl HilArgs {
     pub(crate) fn again(scenario: PathBuf) -> Self {
         Self {
             scenario,
-            rig: "emulated".to_owned(),
+            rig: RigPlace::Emulated,
             clock: ClockArg::Virtual,
             compensator: None,
             lead_ms: None,
@@ -245,15 +232,9 @@ impl HilArgs {
             no_rrd: true,
             dry_run: false,
             yes: false,
-            allow_best_effort: false,
-            core: None,
-            live: None,
-            pilot: PilotArgs {
-                pilot: false,
-                force_n: None,
-                moment_nm: None,
-                hold_s: docktwin::pilot::HOLD_S,
-            },
+            realtime: RealtimeArgs::default(),
+            live: LiveArgs::default(),
+            pilot: PilotArgs::default(),
         }
     }
 }
@@ -284,29 +265,6 @@ impl ClockArg {
             Self::Realtime => "realtime",
         }
     }
-}
-
-/// A person at the controls.
-#[derive(Debug, Args)]
-pub(crate) struct PilotArgs {
-    /// Fly the chaser from the keyboard of this terminal, and from a gamepad, in real time
-    #[arg(long)]
-    pub(crate) pilot: bool,
-    /// Force of a full stick along each axis of e1, N [default: 0.02 m/s² of the chaser's mass]
-    #[arg(long = "pilot-force", value_name = "N", requires = "pilot", value_parser = not_negative)]
-    pub(crate) force_n: Option<f64>,
-    /// Moment of a full stick about each axis, N·m [default: 0.2 °/s² of its largest inertia]
-    #[arg(long = "pilot-moment", value_name = "NM", requires = "pilot", value_parser = not_negative)]
-    pub(crate) moment_nm: Option<f64>,
-    /// How long a key stroke pushes, s; a key held down repeats, in most terminals after 0.5 s
-    #[arg(
-        long = "pilot-hold",
-        value_name = "S",
-        requires = "pilot",
-        default_value_t = docktwin::pilot::HOLD_S,
-        value_parser = not_negative
-    )]
-    pub(crate) hold_s: f64,
 }
 
 pub(crate) fn not_negative(text: &str) -> Result<f64, String> {

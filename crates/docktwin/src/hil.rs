@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    io::{BufRead as _, IsTerminal as _, Write as _},
     path::{Path, PathBuf},
     process::ExitCode,
     sync::{
@@ -15,35 +14,34 @@ use std::{
 
 use docktwin::{
     fidelity::{self, Trace},
-    live::Live,
-    pilot::{PILOT_HELP, Pilot, PilotLimits, Stick},
+    pilot::Stick,
     playback::{self, Playback},
-    rigfile::{self, CalibrationFile, IdentificationFile, Origin, Read},
+    rigfile::{CalibrationFile, IdentificationFile, Origin, Read},
     ring::Ring,
     setup::{inputs_after, start, thrust_ahead},
     signals::{contact_rows, row},
     telemetry::{CONTACT_N, Watcher, hil_columns, loop_row},
 };
 use docktwin_control::{
-    compensator::{Compensation, Compensator as _, MOST_LEAD_S},
+    compensator::{Compensation, Compensator as _},
     rig::RigSetup,
     safety::{Limit, SafetyLimits, Trip, half_widths},
     sensing::SensorScheme,
 };
-use docktwin_core::{Digest, Euler, Pose, SimTime, Tick};
+use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
     identify::{Identification, sensor_interface},
     in_process::InProcess,
-    ipc::IpcRig,
-    realtime::{RealtimeSetup, Shortage, relax},
+    realtime::relax,
     rig::Rig,
     scheduler::{
         Approach, ArmError, Check, Idle, LegCorrections, Loop, LoopSetup, LoopTimes, Phase,
         Running, Stopped, TickRecord,
     },
+    vibro::believed_delays_s,
 };
 use docktwin_model::{ForceSensor, HydraulicPreset, Rig as RigModel, load_rig};
 use docktwin_physics::{
@@ -67,9 +65,11 @@ use serde_json::json;
 use crate::{
     cli::{ClockArg, HilArgs},
     commands::overrides,
+    company::{Company, Flight, pilot_line},
     failure::{Failure, OTHERWISE, STOPPED},
     models::ModelCopies,
     rehearse::{Asked, Run, default_directory, digest_keys, print, progress},
+    rigs::{self, PERIOD_NS, RigPlace, best_effort, confirm, connect, new_session},
 };
 
 /// Rig when neither scenario nor command line names one.
@@ -90,15 +90,8 @@ const RUN_UP_S: [f64; 2] = [0.2, 4.0];
 const LOAD_MARGIN: f64 = 1.2;
 /// Ticks between the loop and what looks at them, in real time: two seconds.
 const RING_TICKS: usize = 2048;
-/// How long a rig in another process may take over a tick in lockstep, and to be found at all.
-const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(5);
-const CONNECT_PATIENCE: Duration = Duration::from_secs(10);
-
-/// Where the rig is.
-enum Where {
-    InProcess,
-    Ipc(String),
-}
+/// Ticks between two lines to a pilot.
+const PILOT_LINE_TICKS: u64 = 100;
 
 /// Runs the command.
 pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -130,7 +123,6 @@ struct Prepared<'a> {
     preset: HydraulicPreset,
     system: System,
     bodies: [BodyState; 3],
-    place: Where,
     setup: LoopSetup,
     known: Known,
 }
@@ -143,30 +135,11 @@ struct Known {
 
 impl Known {
     fn read(args: &HilArgs, rig: &RigModel) -> Result<Self, Failure> {
-        let identification = args
-            .identification
-            .as_deref()
-            .map(|path| {
-                let file = rigfile::read::<IdentificationFile>(path)?;
-                file.made_for(rig)?;
-                let found = file.content.identification().ok_or_else(|| Failure::Usage {
-                    what: format!("the file does not have six legs: {}", path.display()),
-                    remedy: "make it again with `docktwin rig identify`".to_owned(),
-                })?;
-                Ok::<_, Failure>((file, found))
-            })
-            .transpose()?;
-        let calibration = args
-            .calibration
-            .as_deref()
-            .map(|path| {
-                let file = rigfile::read::<CalibrationFile>(path)?;
-                file.made_for(rig)?;
-                let found = file.content.calibration();
-                Ok::<_, Failure>((file, found))
-            })
-            .transpose()?;
-        Ok(Self { identification, calibration })
+        let [i, c] = [&args.identification, &args.calibration].map(Option::as_deref);
+        Ok(Self {
+            identification: i.map(|path| rigs::identification(path, rig)).transpose()?,
+            calibration: c.map(|path| rigs::calibration(path, rig)).transpose()?,
+        })
     }
 
     /// Delay of the plate and the lead that undoes plate and sensor, as identified.
@@ -191,20 +164,6 @@ impl Known {
 
 impl<'a> Prepared<'a> {
     fn new(args: &HilArgs, scenario: &'a Scenario) -> Result<Self, Failure> {
-        let place = match args.rig.as_str() {
-            "emulated" => Where::InProcess,
-            other => match other.strip_prefix("ipc:") {
-                Some(name) if !name.is_empty() => Where::Ipc(name.to_owned()),
-                _ => {
-                    return Err(Failure::Usage {
-                        what: format!("there is no rig `{other}`"),
-                        remedy: "take `emulated`, or `ipc:NAME` of a rig that runs as \
-                                 `docktwin rig emulate RIG.toml --name NAME`"
-                            .to_owned(),
-                    });
-                }
-            },
-        };
         let rig_path = rig_path(args, scenario)?;
         let rig = load_rig(&rig_path)?.model;
         let hil = &scenario.hil;
@@ -212,7 +171,7 @@ impl<'a> Prepared<'a> {
         let (system, bodies) = start(scenario)?;
         #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
         let tick_s = scenario.run.tick_nanos as f64 * 1e-9;
-        if scenario.run.tick_nanos != 1_000_000 {
+        if scenario.run.tick_nanos != PERIOD_NS {
             return Err(Failure::Usage {
                 what: format!("the loop runs at 1 kHz, the scenario has ticks of {tick_s} s"),
                 remedy: "leave run.tick_s at 0.001 for `hil`".to_owned(),
@@ -224,20 +183,17 @@ impl<'a> Prepared<'a> {
             what: format!("the rig has no table [sensors]: {}", rig_path.display()),
             remedy: "add one; models/urdf/stewart.toml is an example".to_owned(),
         })?;
-        // A command is for the end of its tick and reaches the legs after the dead time.
-        let interface_delay_s = rig.valve.dead_time_s - tick_s;
-        let lag_s = sensors.force.delay_s
-            + 2.0 * sensors.force.damping_ratio
-                / (core::f64::consts::TAU * sensors.force.natural_frequency_hz);
         let run_up_s = run_up_s(&system, &bodies, &programme);
         for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
             within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
         }
         let known = Known::read(args, &rig)?;
-        let (interface_delay_s, lead_s) = known
-            .delays_s(&sensors.force)
-            .unwrap_or((interface_delay_s + lag_s, interface_delay_s + lag_s));
-        let compensation = compensation(args, scenario, lead_s)?;
+        let believed_s = believed_delays_s(&rig).iter().sum();
+        let (interface_delay_s, lead_s) =
+            known.delays_s(&sensors.force).unwrap_or((believed_s, believed_s));
+        let asked_s = args.lead_s.or(args.lead_ms.map(|ms| ms * 1e-3)).or(hil.lead_s);
+        let choice = args.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
+        let compensation = rigs::compensation(choice, asked_s.unwrap_or(lead_s))?;
         let limits = &scenario.mechanism.limits;
         let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
         let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
@@ -275,35 +231,33 @@ impl<'a> Prepared<'a> {
             dry_run: args.dry_run,
             rig: rig.clone(),
         };
-        Ok(Self { scenario, rig_path, rig, preset, system, bodies, place, setup, known })
+        Ok(Self { scenario, rig_path, rig, preset, system, bodies, setup, known })
     }
 
-    fn go(mut self, args: &HilArgs, out: &Path, json: bool) -> Result<Summary, Failure> {
-        match (&self.place, args.clock) {
-            (Where::InProcess, ClockArg::Virtual) => {
+    fn go(self, args: &HilArgs, out: &Path, json: bool) -> Result<Summary, Failure> {
+        match &args.rig {
+            RigPlace::Emulated => {
                 let rig = self.emulated(args)?;
-                self.with_clock(rig, VirtualClock::new(1_000_000), args, out, json)
+                self.with_rig(rig, args, out, json)
             }
-            (Where::InProcess, ClockArg::Realtime) => {
-                let rig = self.emulated(args)?;
-                let clock = RealtimeClock::new(1_000_000, OverrunPolicy::Skip);
+            RigPlace::Port(name) => self.with_rig(connect(name)?, args, out, json),
+        }
+    }
+
+    fn with_rig<R: Rig>(
+        self,
+        rig: R,
+        args: &HilArgs,
+        out: &Path,
+        json: bool,
+    ) -> Result<Summary, Failure> {
+        match args.clock {
+            ClockArg::Virtual => {
+                self.with_clock(rig, VirtualClock::new(PERIOD_NS), args, out, json)
+            }
+            ClockArg::Realtime => {
+                let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
                 self.with_clock(rig, clock, args, out, json)
-            }
-            (Where::Ipc(name), clock) => {
-                let rig = IpcRig::connect(name, CONNECT_PATIENCE).map_err(|e| Failure::Usage {
-                    what: e.to_string(),
-                    remedy: format!("start it with `docktwin rig emulate RIG.toml --name {name}`"),
-                })?;
-                match clock {
-                    ClockArg::Virtual => {
-                        self.setup.patience = LOCKSTEP_PATIENCE;
-                        self.with_clock(rig, VirtualClock::new(1_000_000), args, out, json)
-                    }
-                    ClockArg::Realtime => {
-                        let clock = RealtimeClock::new(1_000_000, OverrunPolicy::Skip);
-                        self.with_clock(rig, clock, args, out, json)
-                    }
-                }
             }
         }
     }
@@ -354,7 +308,6 @@ impl<'a> Prepared<'a> {
     }
 
     fn checks(&self, args: &HilArgs) -> Result<Vec<Check>, Failure> {
-        let emulated = matches!(self.place, Where::InProcess);
         let mut out = vec![Check {
             name: "limits",
             passed: true,
@@ -385,16 +338,14 @@ impl<'a> Prepared<'a> {
                 },
             });
         }
-        let tested = emulated || args.yes || confirm()?;
+        confirm(&args.rig, args.yes)?;
         out.push(Check {
             name: "operator",
-            passed: tested,
-            found: if emulated {
+            passed: true,
+            found: if args.rig == RigPlace::Emulated {
                 "not asked: nothing but an emulation moves".to_owned()
-            } else if tested {
-                "confirmed: emergency stop tested, nobody near the rig".to_owned()
             } else {
-                "not confirmed".to_owned()
+                "confirmed: emergency stop tested, nobody near the rig".to_owned()
             },
         });
         Ok(out)
@@ -412,7 +363,7 @@ impl<'a> Prepared<'a> {
             ("command", "hil".to_owned()),
             ("scenario", self.scenario.name.clone()),
             ("seed", args.seed.to_string()),
-            ("rig", args.rig.clone()),
+            ("rig", args.rig.to_string()),
             ("clock", args.clock.name().to_owned()),
             ("compensator", compensation.name().to_owned()),
             ("lead_s", lead.to_string()),
@@ -437,7 +388,7 @@ impl<'a> Prepared<'a> {
     }
 
     fn with_clock<R: Rig, K: Clock>(
-        self,
+        mut self,
         rig: R,
         clock: K,
         args: &HilArgs,
@@ -445,41 +396,21 @@ impl<'a> Prepared<'a> {
         json: bool,
     ) -> Result<Summary, Failure> {
         let checks = self.checks(args)?;
-        let live = args.live.as_deref().map(|url| Live::start(url, self.scenario, &hil_columns()));
-        let live = live.transpose()?;
+        self.setup.patience = rigs::patience::<K>();
+        let company = Company::invite(&args.live, &args.pilot, self.scenario, &hil_columns())?;
+        let hand = Hand::new(self.scenario, company.stick());
+        let bar = progress(self.setup.ticks, json || hand.stick.is_some());
+        let mut recorder = Recorder::new(&self, args, out, company, !K::LOCKSTEP, !json)?;
         let wall = WallInstant::now();
-        let idle = Loop::new(self.setup.clone(), rig, clock);
-        let recorder = Recorder::new(&self, args, out, live, !K::LOCKSTEP)?;
-        // Last: from here on the terminal is the pilot's.
-        let pilot = args.pilot.pilot.then(|| {
-            let own = PilotLimits::of_chaser(&self.scenario.chaser);
-            let limits = PilotLimits {
-                force_n: args.pilot.force_n.unwrap_or(own.force_n),
-                moment_nm: args.pilot.moment_nm.unwrap_or(own.moment_nm),
-            };
-            eprintln!("{PILOT_HELP}");
-            Pilot::start(limits, args.pilot.hold_s)
-        });
-        let pilot = pilot.transpose()?;
-        let hand = Hand::new(self.scenario, pilot.as_ref().map(Pilot::stick));
-        let bar = progress(self.setup.ticks, json || pilot.is_some());
-        let told = !json;
-        let (ended, recorder, best_effort) = if K::LOCKSTEP {
-            let armed = idle.arm(checks).map_err(not_armed)?;
-            if told {
-                tell_checks(armed.checks());
-            }
-            let (ended, recorder) = in_virtual_time(armed.start(), hand, recorder, &bar, told);
-            (ended, recorder, None)
+        let idle = Loop::new(self.setup, rig, clock);
+        let (ended, lacking) = if K::LOCKSTEP {
+            (in_virtual_time(idle, checks, hand, &mut recorder, &bar)?, None)
         } else {
-            in_real_time(idle, checks, hand, recorder, args, told)?
+            in_real_time(idle, checks, hand, &mut recorder, args)?
         };
         bar.finish_and_clear();
-        if pilot.is_some() {
-            drop(pilot);
-            eprintln!();
-        }
-        recorder.finish(&self, args, &ended, best_effort, wall.elapsed(), json)
+        recorder.company.land();
+        recorder.finish(args, &ended, lacking, wall.elapsed(), json)
     }
 }
 
@@ -512,38 +443,12 @@ fn rig_path(args: &HilArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
     })
 }
 
-fn compensation(
-    args: &HilArgs,
-    scenario: &Scenario,
-    believed_s: f64,
-) -> Result<Compensation, Failure> {
-    let hil = &scenario.hil;
-    let asked_s = args.lead_s.or(args.lead_ms.map(|ms| ms * 1e-3));
-    let lead_s = asked_s.or(hil.lead_s).unwrap_or(believed_s);
-    let choice = args.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
-    if !(0.0..=MOST_LEAD_S).contains(&lead_s) {
-        return Err(Failure::Usage {
-            what: format!("a lead of {lead_s} s"),
-            remedy: format!("give 0 to {} ms with --lead-ms", MOST_LEAD_S * 1e3),
-        });
-    }
-    Ok(match choice {
-        CompensatorChoice::None => Compensation::None,
-        CompensatorChoice::Lead => Compensation::Lead(lead_s),
-    })
-}
-
 /// A number for this run: the same one under a virtual clock, so that runs repeat.
 fn session(args: &HilArgs) -> u64 {
-    match args.clock {
-        ClockArg::Virtual if args.rig == "emulated" => 1,
-        _ => wall_session(),
+    match (args.clock, &args.rig) {
+        (ClockArg::Virtual, RigPlace::Emulated) => 1,
+        _ => new_session(),
     }
-}
-
-/// A number that no earlier run has had.
-pub(crate) fn wall_session() -> u64 {
-    u64::try_from(jiff::Timestamp::now().as_nanosecond()).unwrap_or(1).max(1)
 }
 
 /// The longest run-up that stays clear of the other side.
@@ -595,24 +500,6 @@ fn within_reach(
     })
 }
 
-fn confirm() -> Result<bool, Failure> {
-    let stdin = std::io::stdin();
-    if !stdin.is_terminal() {
-        return Err(Failure::Usage {
-            what: "nobody is there to confirm that the rig may move".to_owned(),
-            remedy:
-                "run it in a terminal, or add --yes when the emergency stop has been tested and \
-                     nobody is near the rig"
-                    .to_owned(),
-        });
-    }
-    eprint!("Emergency stop tested, nobody near the rig? Type `arm`: ");
-    let _ = std::io::stderr().flush();
-    let mut line = String::new();
-    let read = stdin.lock().read_line(&mut line);
-    Ok(read.is_ok() && line.trim() == "arm")
-}
-
 /// What moves the spacecraft besides the mechanism: the scenario's thrusts and a pilot's.
 struct Hand {
     thrusts: Vec<Thrust>,
@@ -650,37 +537,6 @@ impl Hand {
     fn ended(&self) -> bool {
         self.stick.as_ref().is_some_and(Stick::ended)
     }
-}
-
-/// Ticks between two lines to a pilot.
-const PILOT_LINE_TICKS: u64 = 100;
-
-/// What a pilot without a window flies by, in one line that replaces itself.
-fn pilot_line(r: &TickRecord) {
-    let m = &r.motion;
-    let (p, v, f, n) = (m.x_34.p, m.twist.v, r.control.chaser.f, r.control.chaser.m);
-    let e = Euler::from_quat(m.x_34.q);
-    let line = format!(
-        "\r{:8} x {:+.3} y {:+.3} z {:+.3} m  closing {:+.3} m/s  roll {:+.2} pitch {:+.2} yaw {:+.2} °  \
-         contact {:.0} N  F1 {:+.0} {:+.0} {:+.0} N  M1 {:+.0} {:+.0} {:+.0} N·m\x1b[K",
-        r.phase.name(),
-        p.x,
-        p.y,
-        p.z,
-        -v.x,
-        e.roll.to_degrees(),
-        e.pitch.to_degrees(),
-        e.yaw.to_degrees(),
-        r.ports.port4.f.length(),
-        f.x,
-        f.y,
-        f.z,
-        n.x,
-        n.y,
-        n.z,
-    );
-    // A terminal that has gone ends the run by its keyboard.
-    let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
 /// What of a recorded tick a replay needs.
@@ -744,7 +600,7 @@ pub(crate) fn replay(
     }
     let rig = prepared.emulated(&args)?;
     let checks = prepared.checks(&args)?;
-    let mut running = Loop::new(prepared.setup.clone(), rig, VirtualClock::new(1_000_000))
+    let mut running = Loop::new(prepared.setup.clone(), rig, VirtualClock::new(PERIOD_NS))
         .arm(checks)
         .map_err(|e| damaged(e.to_string()))?
         .start();
@@ -786,32 +642,15 @@ struct Ended {
     dropped: u64,
 }
 
-fn ended<R: Rig, K: Clock>(
-    running: Loop<R, K, Running>,
-    broken: Option<String>,
-    dropped: u64,
-) -> Ended {
-    let counts = running.clock_counts();
-    let times = running.times().clone();
-    let end = running.stop().into_end();
-    Ended { end, times, late: counts.overruns, missed: counts.missed, broken, dropped }
-}
-
-fn in_virtual_time<'a, R: Rig, K: Clock>(
+/// Tick after tick until the rig is at rest. `take` gets every tick and says whether the run is to end.
+fn keep_time<R: Rig, K: Clock>(
     mut running: Loop<R, K, Running>,
     mut hand: Hand,
-    mut recorder: Recorder<'a>,
-    bar: &indicatif::ProgressBar,
-    told: bool,
-) -> (Ended, Recorder<'a>) {
+    mut pace: Option<RealtimeClock>,
+    mut take: impl FnMut(TickRecord) -> bool,
+) -> Ended {
     let mut broken = None;
     let mut closed = 0;
-    // A pilot wants to see what happens as it does; the ticks are those of the virtual clock.
-    let mut pace =
-        hand.stick.is_some().then(|| RealtimeClock::new(1_000_000, OverrunPolicy::CatchUp));
-    if let Some(pace) = &mut pace {
-        pace.start();
-    }
     while !running.finished() {
         let control = if running.phase() == Phase::Closed {
             hand.inputs(seconds(closed))
@@ -824,16 +663,8 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
         match running.tick(&control) {
             Ok(r) => {
                 hand.look(&r);
-                if hand.stick.is_some() && told && r.tick.is_multiple_of(PILOT_LINE_TICKS) {
-                    pilot_line(&r);
-                }
-                if let Some(k) = r.closed_tick {
-                    closed = k + 1;
-                    if closed.is_multiple_of(100) {
-                        bar.set_position(closed);
-                    }
-                }
-                if recorder.take(&r) || hand.ended() {
+                closed = r.closed_tick.map_or(closed, |k| k + 1);
+                if take(r) || hand.ended() {
                     running.end();
                 }
             }
@@ -843,7 +674,36 @@ fn in_virtual_time<'a, R: Rig, K: Clock>(
             }
         }
     }
-    (ended(running, broken, 0), recorder)
+    let counts = running.clock_counts();
+    let times = running.times().clone();
+    let end = running.stop().into_end();
+    Ended { end, times, late: counts.overruns, missed: counts.missed, broken, dropped: 0 }
+}
+
+/// Loop, recording and rig take turns.
+fn in_virtual_time<R: Rig, K: Clock>(
+    idle: Loop<R, K, Idle>,
+    checks: Vec<Check>,
+    hand: Hand,
+    recorder: &mut Recorder<'_>,
+    bar: &indicatif::ProgressBar,
+) -> Result<Ended, Failure> {
+    let armed = idle.arm(checks).map_err(not_armed)?;
+    if recorder.told {
+        tell_checks(armed.checks());
+    }
+    // A pilot wants to see what happens as it does; the ticks are those of the virtual clock.
+    let mut pace =
+        hand.stick.is_some().then(|| RealtimeClock::new(PERIOD_NS, OverrunPolicy::CatchUp));
+    if let Some(pace) = &mut pace {
+        pace.start();
+    }
+    Ok(keep_time(armed.start(), hand, pace, |r| {
+        if let Some(k) = r.closed_tick.filter(|k| k.is_multiple_of(100)) {
+            bar.set_position(k);
+        }
+        recorder.take(&r)
+    }))
 }
 
 fn not_armed(e: ArmError) -> Failure {
@@ -861,23 +721,20 @@ fn tell_checks(checks: &[Check]) {
 
 /// The loop in this thread, with what the machine grants, from arming on; another one looks at the
 /// ticks. Between arming and the first tick nothing is done that could take long: the rig waits.
-fn in_real_time<'a, R: Rig, K: Clock>(
+fn in_real_time<R: Rig, K: Clock>(
     idle: Loop<R, K, Idle>,
     checks: Vec<Check>,
     hand: Hand,
-    mut recorder: Recorder<'a>,
+    recorder: &mut Recorder<'_>,
     args: &HilArgs,
-    told: bool,
-) -> Result<(Ended, Recorder<'a>, Option<String>), Failure> {
-    let shortage = if args.allow_best_effort { Shortage::BestEffort } else { Shortage::Refuse };
-    let realtime = RealtimeSetup { core: args.core, ..RealtimeSetup::default() };
+) -> Result<(Ended, Option<String>), Failure> {
     let ring: Arc<Ring<Option<TickRecord>>> = Arc::new(Ring::new(RING_TICKS, || None));
     let stop = Arc::new(AtomicBool::new(false));
     let (passed, to_tell) = sync_channel::<Vec<Check>>(1);
     let looker = {
         let (ring, stop) = (Arc::clone(&ring), Arc::clone(&stop));
         move |recorder: &mut Recorder<'_>| {
-            if let (Ok(checks), true) = (to_tell.recv(), told) {
+            if let (Ok(checks), true) = (to_tell.recv(), recorder.told) {
                 tell_checks(&checks);
             }
             loop {
@@ -895,70 +752,28 @@ fn in_real_time<'a, R: Rig, K: Clock>(
             }
         }
     };
-    let mut shortfalls = None;
-    let result = std::thread::scope(|scope| {
+    std::thread::scope(|scope| {
         // Before the priority is taken: threads started later would share the core.
-        let recorder = &mut recorder;
         let looking = scope.spawn(move || looker(recorder));
-        let granted = realtime.apply(shortage).map_err(|e| Failure::Usage {
-            what: e.to_string(),
-            remedy: "`docktwin doctor` tells what this machine offers a loop".to_owned(),
-        });
-        let out = granted.and_then(|report| {
-            if report.is_best_effort() {
-                let words: Vec<String> =
-                    report.shortfalls.iter().map(|s| s.step.to_string()).collect();
-                shortfalls = Some(format!("best effort: without {}", words.join(", ")));
-            }
+        let out = args.realtime.apply().and_then(|granted| {
             let armed = idle.arm(checks).map_err(not_armed)?;
             let checks = armed.checks().to_vec();
             let running = armed.start();
             // Never full: it is sent once.
             let _ = passed.try_send(checks);
-            let out = keep_time(running, hand, &ring, &stop);
-            relax();
-            Ok(out)
+            let mut dropped = 0;
+            let ended = keep_time(running, hand, None, |r| {
+                dropped += u64::from(!ring.write(|slot| *slot = Some(r)));
+                stop.load(Ordering::Relaxed)
+            });
+            Ok((Ended { dropped, ..ended }, best_effort(&granted)))
         });
+        relax();
         drop(passed);
         ring.close();
         let _ = looking.join();
         out
-    })?;
-    Ok((result, recorder, shortfalls))
-}
-
-/// Tick after tick until the rig is at rest.
-fn keep_time<R: Rig, K: Clock>(
-    mut running: Loop<R, K, Running>,
-    mut hand: Hand,
-    ring: &Ring<Option<TickRecord>>,
-    stop: &AtomicBool,
-) -> Ended {
-    let mut broken = None;
-    let mut dropped = 0_u64;
-    let mut closed = 0;
-    while !running.finished() {
-        let control = if running.phase() == Phase::Closed {
-            hand.inputs(seconds(closed))
-        } else {
-            Inputs::default()
-        };
-        match running.tick(&control) {
-            Ok(r) => {
-                hand.look(&r);
-                closed = r.closed_tick.map_or(closed, |k| k + 1);
-                dropped += u64::from(!ring.write(|slot| *slot = Some(r)));
-            }
-            Err(e) => {
-                broken = Some(e.to_string());
-                break;
-            }
-        }
-        if stop.load(Ordering::Relaxed) || hand.ended() {
-            running.end();
-        }
-    }
-    ended(running, broken, dropped)
+    })
 }
 
 /// Looks at every tick of the closed loop: events, log, viewer, and what is compared afterwards.
@@ -969,7 +784,11 @@ struct Recorder<'a> {
     timed: bool,
     writer: Option<RunWriter>,
     view: Option<(SceneWriter, Playback)>,
-    live: Option<Live>,
+    company: Company,
+    /// Whether anything is told beside the result.
+    told: bool,
+    /// Tick at which the pilot gets the next line, if there is a pilot who is told anything.
+    line_due: Option<u64>,
     run: Run,
     watcher: Watcher,
     traces: Vec<Trace>,
@@ -986,8 +805,9 @@ impl<'a> Recorder<'a> {
         prepared: &Prepared<'a>,
         args: &HilArgs,
         out: &Path,
-        live: Option<Live>,
+        company: Company,
         timed: bool,
+        told: bool,
     ) -> Result<Self, Failure> {
         let scenario = prepared.scenario;
         let names: Vec<String> = (0..PAIRS).map(|i| pair_name(&scenario.mechanism, i)).collect();
@@ -1013,7 +833,9 @@ impl<'a> Recorder<'a> {
             timed,
             writer: Some(writer),
             view,
-            live,
+            line_due: company.stick().filter(|_| told).map(|_| 0),
+            company,
+            told,
             run: Run::new(),
             watcher: Watcher::new(prepared.bodies),
             traces: Vec::new(),
@@ -1028,6 +850,16 @@ impl<'a> Recorder<'a> {
 
     /// Takes a tick in; true when the run is to end.
     fn take(&mut self, r: &TickRecord) -> bool {
+        if self.line_due.is_some_and(|due| r.tick >= due) {
+            self.line_due = Some(r.tick + PILOT_LINE_TICKS);
+            let flight = Flight {
+                x_34: &r.motion.x_34,
+                closing_m_s: -r.motion.twist.v.x,
+                contact_n: r.ports.port4.f.length(),
+                control: &r.control.chaser,
+            };
+            pilot_line(format_args!("{:8}", r.phase.name()), &flight);
+        }
         let time = SimTime::of_tick(Tick(self.ticks), self.scenario.run.tick_nanos);
         let t = time.seconds();
         let mut told = Vec::new();
@@ -1076,8 +908,7 @@ impl<'a> Recorder<'a> {
         }
         let tick_s = 1e-3;
         let shown = self.watcher.take(&self.system, r, t, tick_s);
-        let mut watcher = self.watcher.clone();
-        let now = watcher.instant(&self.system, &shown, r, t, tick_s);
+        let now = self.watcher.instant(&self.system, &shown, r, t, tick_s);
         if r.closed_tick.is_some() {
             self.traces.push(fidelity::trace(&self.system, r));
             self.controls.push(r.control);
@@ -1104,7 +935,6 @@ impl<'a> Recorder<'a> {
         let x_34 = (r.bodies[0].pose() * x_13).inverse() * r.bodies[1].pose() * x_24;
         loop_row(r, &x_34, self.timed, &mut self.run.row);
         contact_rows(&now, &mut self.run.contacts);
-        self.watcher = watcher;
         told.append(&mut self.run.events);
         let due = !told.is_empty() || core::mem::take(&mut self.run.frame_due);
         self.tell(told, time);
@@ -1118,7 +948,7 @@ impl<'a> Recorder<'a> {
             self.lost.get_or_insert(e.into());
             self.view = None;
         }
-        if let Some(l) = &mut self.live {
+        if let Some(l) = self.company.live() {
             l.tick(time, &self.run.row, &self.run.contacts, due);
         }
         self.ticks += 1;
@@ -1144,7 +974,7 @@ impl<'a> Recorder<'a> {
             {
                 self.lost.get_or_insert(e.into());
             }
-            if let Some(l) = &self.live {
+            if let Some(l) = self.company.live() {
                 l.events().event(time, &e.kind, &e.text);
             }
         }
@@ -1152,10 +982,9 @@ impl<'a> Recorder<'a> {
 
     fn finish(
         mut self,
-        prepared: &Prepared<'_>,
         args: &HilArgs,
         ended: &Ended,
-        best_effort: Option<String>,
+        lacking: Option<String>,
         wall: Duration,
         json: bool,
     ) -> Result<Summary, Failure> {
@@ -1207,7 +1036,7 @@ impl<'a> Recorder<'a> {
         let sim = fidelity::simulated(self.system.clone(), self.bodies, &self.controls, 1e-3);
         summary.fidelity = Some(fidelity::fidelity(&self.traces, &sim));
         summary.safety = Some(safety_summary(ended));
-        if let Some(why) = best_effort {
+        if let Some(why) = lacking {
             summary.degrade(&why);
         }
         if ended.dropped > 0 {
@@ -1237,21 +1066,10 @@ impl<'a> Recorder<'a> {
                 }
             }
         }
-        if let Some(live) = self.live.take() {
-            let report = live.finish(Duration::from_secs(10));
-            if !json {
-                eprintln!(
-                    "live viewer: {} ticks sent, {} left out{}",
-                    report.sent,
-                    report.dropped,
-                    if report.complete { "" } else { "; it went away or did not keep up" }
-                );
-            }
-        }
+        self.company.part(json);
         if let (Some(e), false) = (&self.lost, json) {
             eprintln!("the recording is not complete: {e}");
         }
-        let _ = prepared;
         Ok(summary)
     }
 }

@@ -7,6 +7,7 @@ mod terminal;
 mod analyze;
 mod cli;
 mod commands;
+mod company;
 mod diff;
 mod doctor;
 mod export;
@@ -18,6 +19,7 @@ mod rehearse;
 mod replay;
 mod report;
 mod rig;
+mod rigs;
 mod validate;
 mod view;
 

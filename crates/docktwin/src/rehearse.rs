@@ -2,13 +2,13 @@
 
 use std::{
     collections::BTreeMap,
-    io::{IsTerminal, Write as _},
+    io::IsTerminal,
     path::{Path, PathBuf},
     process::ExitCode,
-    time::{Duration, Instant as WallInstant},
+    time::Instant as WallInstant,
 };
 
-use docktwin_core::{Euler, SimTime, StateHasher, Tick, Wrench};
+use docktwin_core::{SimTime, StateHasher, Tick, Wrench};
 use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_model::FileDigest;
 use docktwin_physics::{
@@ -28,8 +28,7 @@ use hdrhistogram::Histogram;
 use serde_json::json;
 
 use docktwin::{
-    live::{Live, LiveReport},
-    pilot::{PILOT_HELP, Pilot, PilotLimits, Stick},
+    pilot::Stick,
     playback::{self, Playback},
     setup::{
         FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS, inputs, start, steps_per_tick, thrust_ahead,
@@ -41,6 +40,7 @@ use docktwin::{
 use crate::{
     cli::{RehearseArgs, TwinKind},
     commands::overrides,
+    company::{Company, Flight, pilot_line},
     failure::{Failure, OTHERWISE},
     models::ModelCopies,
 };
@@ -50,8 +50,6 @@ pub(crate) const CONTACT_GAP_S: f64 = 0.02;
 /// An energy account that is off by more than this share of the energy put in is a defect.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
-/// How long a viewer may take over what is left when the run has ended.
-const LIVE_PATIENCE: Duration = Duration::from_secs(5);
 /// Between two lines about the approach to a pilot, ns of simulated time.
 const PILOT_LINE_NS: u64 = 100_000_000;
 
@@ -68,7 +66,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     };
     let steps = steps_per_tick(&scenario, per_ms);
     let setup = Setup { scenario: &scenario, seed: args.seed, kind: args.twin, steps, out: &out };
-    let company = Company::invite(args, &scenario)?;
+    let company = Company::invite(&args.live, &args.pilot, &scenario, &columns())?;
     let summary = match args.twin {
         TwinKind::Full => setup.rehearse(FullTwin::new, !args.no_rrd, json, company)?,
         TwinKind::Reduced => setup.rehearse(ReducedTwin::new, !args.no_rrd, json, company)?,
@@ -91,72 +89,6 @@ pub(crate) fn default_directory(name: &str) -> PathBuf {
         dir = Path::new("runs").join(format!("{name}-{now}-{n}"));
     }
     dir
-}
-
-/// Who is there while it happens.
-#[derive(Default)]
-pub(crate) struct Company {
-    live: Option<Live>,
-    pilot: Option<Pilot>,
-}
-
-impl Company {
-    fn invite(args: &RehearseArgs, scenario: &Scenario) -> Result<Self, Failure> {
-        let live = args.live.as_deref().map(|url| Live::start(url, scenario, &columns()));
-        let live = live.transpose()?;
-        // Last: from here on the terminal is the pilot's.
-        let pilot = args.pilot.pilot.then(|| {
-            let own = PilotLimits::of_chaser(&scenario.chaser);
-            let limits = PilotLimits {
-                force_n: args.pilot.force_n.unwrap_or(own.force_n),
-                moment_nm: args.pilot.moment_nm.unwrap_or(own.moment_nm),
-            };
-            eprintln!("{PILOT_HELP}");
-            Pilot::start(limits, args.pilot.hold_s)
-        });
-        Ok(Self { live, pilot: pilot.transpose()? })
-    }
-}
-
-/// What a pilot without a window flies by, in one line that replaces itself.
-fn pilot_line(now: &Instant<'_>, control: &Inputs, time: SimTime) {
-    let x_34 = now.measured.poses().x_w3.inverse() * now.measured.poses().x_w4;
-    let e = Euler::from_quat(x_34.q);
-    let (p, v) = (x_34.p, now.relative.v);
-    let deg = |rad: f64| rad.to_degrees();
-    let line = format!(
-        "\rt {:7.2} s  x {:+.3} y {:+.3} z {:+.3} m  closing {:+.3} m/s  roll {:+.2} pitch {:+.2} yaw {:+.2} °  \
-         F1 {:+.0} {:+.0} {:+.0} N  M1 {:+.0} {:+.0} {:+.0} N·m\x1b[K",
-        time.seconds(),
-        p.x,
-        p.y,
-        p.z,
-        -v.x,
-        deg(e.roll),
-        deg(e.pitch),
-        deg(e.yaw),
-        control.chaser.f.x,
-        control.chaser.f.y,
-        control.chaser.f.z,
-        control.chaser.m.x,
-        control.chaser.m.y,
-        control.chaser.m.z,
-    );
-    // A terminal that has gone ends the run by its keyboard.
-    let _ = std::io::stderr().write_all(line.as_bytes());
-}
-
-fn tell(report: &LiveReport) {
-    let LiveReport { sent, dropped, events_dropped, complete } = report;
-    if *complete {
-        eprintln!(
-            "live viewer: {sent} ticks shown, {dropped} ticks and {events_dropped} events left out"
-        );
-    } else {
-        eprintln!(
-            "live viewer: it went away or did not keep up; {sent} ticks sent, {dropped} left out"
-        );
-    }
 }
 
 /// What a rehearsal needs.
@@ -202,9 +134,8 @@ impl Setup<'_> {
         new: impl FnOnce(System, [BodyState; 3], f64) -> T,
         rrd: bool,
         json: bool,
-        company: Company,
+        mut company: Company,
     ) -> Result<Summary, Failure> {
-        let Company { mut live, pilot } = company;
         let scenario = self.scenario;
         let (system, bodies) = start(scenario)?;
         let pair_names: Vec<String> =
@@ -229,8 +160,8 @@ impl Setup<'_> {
         // Once the recording is lost, the rehearsal goes on: its result is worth having.
         let mut lost: Option<Failure> = None;
         let ticks = scenario.run.ticks();
-        let bar = progress(ticks, json || pilot.is_some());
-        let stick = pilot.as_ref().map(Pilot::stick);
+        let stick = company.stick();
+        let bar = progress(ticks, json || stick.is_some());
         // No tick is left out: simulated time would stand still meanwhile.
         let mut clock = stick
             .is_some()
@@ -263,7 +194,14 @@ impl Setup<'_> {
             if let (Some(stick), false) = (&stick, last) {
                 control.chaser += stick.wrench();
                 if !json && time.nanos().is_multiple_of(PILOT_LINE_NS) {
-                    pilot_line(&now, &control, time);
+                    let x_34 = now.measured.poses().x_w3.inverse() * now.measured.poses().x_w4;
+                    let flight = Flight {
+                        x_34: &x_34,
+                        closing_m_s: -now.relative.v.x,
+                        contact_n: now.port4.f.length(),
+                        control: &control.chaser,
+                    };
+                    pilot_line(format_args!("t {:7.2} s", time.seconds()), &flight);
                 }
             }
             run.observe(twin.system(), &now, &control, Tick(tick), time)?;
@@ -274,7 +212,7 @@ impl Setup<'_> {
                 if let Some((v, _)) = &mut view {
                     v.event(time, &e.kind, &e.text)?;
                 }
-                if let Some(l) = &live {
+                if let Some(l) = company.live() {
                     l.events().event(time, &e.kind, &e.text);
                 }
                 run.frame_due = true;
@@ -291,7 +229,7 @@ impl Setup<'_> {
             if let Some((v, playback)) = &mut view {
                 playback.show(v, time, &run.row, &run.contacts, due)?;
             }
-            if let Some(l) = &mut live {
+            if let Some(l) = company.live() {
                 l.tick(time, &run.row, &run.contacts, due);
             }
             if last {
@@ -308,11 +246,7 @@ impl Setup<'_> {
             }
         }
         bar.finish_and_clear();
-        if pilot.is_some() {
-            // Gives the terminal back before anything is printed.
-            drop(pilot);
-            eprintln!();
-        }
+        company.land();
         let state = twin.state();
         let time = SimTime::of_tick(Tick(tick), scenario.run.tick_nanos);
         let judgement = run.monitor.judge(time.seconds());
@@ -346,13 +280,10 @@ impl Setup<'_> {
         let wall_s = wall.elapsed().as_secs_f64();
         summary.wall_s = wall_s;
         summary.realtime_factor = time.seconds() / wall_s.max(1e-9);
-        if let Some(l) = live {
+        if let Some(l) = company.live() {
             l.events().event(time, &outcome_event.kind, &outcome_event.text);
-            let report = l.finish(LIVE_PATIENCE);
-            if !json {
-                tell(&report);
-            }
         }
+        company.part(json);
         match writer.finish(&summary) {
             Ok(recording) => summary.recording = Some(recording),
             Err(e) => {

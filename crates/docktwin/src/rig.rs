@@ -21,6 +21,7 @@ use crate::{
     cli::{ClockArg, PresetArg},
     commands::overrides,
     failure::Failure,
+    rigs::{RealtimeArgs, RigPlace},
 };
 
 /// `rig …`.
@@ -58,7 +59,8 @@ time by which its samples are later than those of the legs. Takes about a minute
 Sensor A stands still and feels no motion: with --touch-mm a light stick in its frame is swung
 against both ends, and A is compared with B.
 
-The file is dated and never overwritten; `hil` refers to it by digest.
+A rig behind a port moves when somebody confirms it. The file is dated and never overwritten; `hil`
+refers to it by digest.
 
 Examples:
   docktwin rig calibrate --rig emulated --model models/urdf/stewart.toml --perturb 7
@@ -73,7 +75,8 @@ degree of freedom by sines of the amplitude of a contact, 0.235 to 10 Hz. Takes 
 of the rig's time; --dof takes less. Nothing may touch: in an emulation a spring stick is taken out
 of its frame.
 
-The file is dated and never overwritten; `hil` refers to it by digest.
+A rig behind a port moves when somebody confirms it. The file is dated and never overwritten; `hil`
+refers to it by digest.
 
 Examples:
   docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7
@@ -90,12 +93,8 @@ pub(crate) struct EmulateArgs {
     name: String,
     #[command(flatten)]
     built: BuiltArgs,
-    /// Run on what the machine grants when it does not grant real time
-    #[arg(long)]
-    allow_best_effort: bool,
-    /// Core that the rig keeps to
-    #[arg(long, value_name = "N")]
-    core: Option<usize>,
+    #[command(flatten)]
+    realtime: RealtimeArgs,
 }
 
 /// How an emulated rig is built.
@@ -124,7 +123,7 @@ struct BuiltArgs {
 struct MeasureArgs {
     /// The rig: `emulated` in this process, or `ipc:NAME` in another
     #[arg(long, value_name = "emulated|ipc:NAME")]
-    rig: String,
+    rig: RigPlace,
     /// TOML or URDF of the rig, the other beside it
     #[arg(long, value_name = "RIG.toml")]
     model: PathBuf,
@@ -139,15 +138,11 @@ struct MeasureArgs {
     /// File [default: calibrations/<rig>-<command>-<utc>.toml]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Confirm that the emergency stop was tested and nobody is near the rig
+    /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
     #[arg(long)]
     yes: bool,
-    /// Run on what the machine grants when it does not grant real time
-    #[arg(long)]
-    allow_best_effort: bool,
-    /// Core that the loop keeps to, in real time
-    #[arg(long, value_name = "N")]
-    core: Option<usize>,
+    #[command(flatten)]
+    realtime: RealtimeArgs,
 }
 
 /// Options of `rig calibrate`.

@@ -4,6 +4,7 @@ use core::fmt;
 use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crossterm::terminal::is_raw_mode_enabled;
 use docktwin_model::input::plain;
 
 /// Whether a lost output was told.
@@ -12,7 +13,12 @@ static TOLD: AtomicBool = AtomicBool::new(false);
 /// Prints a line. A reader that has gone (`docktwin … | head`) is no error of ours; a full disk
 /// behind `>` is told once on stderr, and the run goes on.
 pub(crate) fn line(mut to: impl Write, text: fmt::Arguments<'_>) {
-    let said = writeln!(to, "{}", plain(&text.to_string())).and_then(|()| to.flush());
+    let mut text = plain(&text.to_string()) + "\n";
+    // While a pilot has the terminal, it begins no line by itself.
+    if is_raw_mode_enabled().unwrap_or(false) {
+        text = text.replace('\n', "\r\n");
+    }
+    let said = to.write_all(text.as_bytes()).and_then(|()| to.flush());
     if let Err(e) = said
         && e.kind() != ErrorKind::BrokenPipe
         && !TOLD.swap(true, Ordering::Relaxed)

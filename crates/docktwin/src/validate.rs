@@ -26,8 +26,9 @@ use self::{
 use crate::{
     cli::{Align, TwinKind},
     commands::overrides,
+    company::Company,
     failure::{Failure, OTHERWISE},
-    rehearse::{Company, Setup, default_directory},
+    rehearse::{Setup, default_directory},
     view,
 };
 

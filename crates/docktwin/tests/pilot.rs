@@ -16,17 +16,18 @@ script, command = sys.argv[1].split("|"), sys.argv[2:]
 master, slave = pty.openpty()
 before = termios.tcgetattr(slave)
 child = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
-seen = b""
+seen, all = b"", b""
 while child.poll() is None:
     if select.select([master], [], [], 0.05)[0]:
-        seen += os.read(master, 65536)
+        new = os.read(master, 65536)
+        seen, all = seen + new, all + new
     # Steps are "what to wait for>what to type".
     while script and script[0].split(">")[0].encode() in seen:
         os.write(master, script.pop(0).split(">")[1].encode().replace(b"^C", b"\x03"))
         seen = b""
 while select.select([master], [], [], 0.05)[0]:
-    seen += os.read(master, 65536)
-sys.stdout.write(seen.decode(errors="replace"))
+    all += os.read(master, 65536)
+sys.stdout.write(all.decode(errors="replace"))
 print("terminal", "restored" if termios.tcgetattr(slave) == before else "LEFT RAW")
 print("steps left", script)
 sys.exit(child.returncode)
@@ -45,6 +46,19 @@ fn python(script: &[&str], rest: &[&str]) -> Output {
         .args(rest)
         .output()
         .expect("python3 starts")
+}
+
+/// The run can be repeated, all its ticks, to the last bit.
+fn replays_identically(dir: &Path, ticks: u32) {
+    let replay = Command::new(env!("CARGO_BIN_EXE_docktwin"))
+        .current_dir(root())
+        .args(["replay", "--json"])
+        .arg(dir)
+        .output()
+        .expect("docktwin starts");
+    let said: Value = serde_json::from_slice(&replay.stdout).expect("JSON");
+    assert_eq!(said["identical"], Value::Bool(true), "{said}");
+    assert_eq!(said["ticks"], ticks);
 }
 
 const FLIGHT: [&str; 10] = [
@@ -89,15 +103,7 @@ fn invariant_a_piloted_run_replays_bit_by_bit() {
     assert!(pushed > 0 && turned > 0 && pushed < ticks, "{pushed} and {turned} of {ticks}");
     assert!(ticks < 12_000, "q did not end it");
 
-    let replay = Command::new(env!("CARGO_BIN_EXE_docktwin"))
-        .current_dir(root())
-        .args(["replay", "--json"])
-        .arg(&dir)
-        .output()
-        .expect("docktwin starts");
-    let said: Value = serde_json::from_slice(&replay.stdout).expect("JSON");
-    assert_eq!(said["identical"], Value::Bool(true), "{said}");
-    assert_eq!(said["ticks"], ticks);
+    replays_identically(&dir, ticks);
 }
 
 /// The same against the emulated rig: pushed from the run-up on, ended by the pilot in the closed loop.
@@ -129,15 +135,35 @@ fn invariant_a_piloted_run_against_a_rig_replays_bit_by_bit() {
         pushed += u32::from(t.row[x].as_f64() > 0.0);
     }
     assert!(pushed > 10 && ticks < 1500, "{pushed} of {ticks}");
-    let replay = Command::new(env!("CARGO_BIN_EXE_docktwin"))
-        .current_dir(root())
-        .args(["replay", "--json"])
-        .arg(&dir)
-        .output()
-        .expect("docktwin starts");
-    let said: Value = serde_json::from_slice(&replay.stdout).expect("JSON");
-    assert_eq!(said["identical"], Value::Bool(true), "{said}");
-    assert_eq!(said["ticks"], ticks);
+    replays_identically(&dir, ticks);
+}
+
+/// In real time the lines come from beside the loop; and no line begins where the one before ended.
+#[test]
+fn invariant_a_pilot_in_real_time_sees_where_he_is() {
+    let at = tempfile::tempdir().expect("a folder");
+    let dir = at.path().join("flown");
+    let path = dir.to_str().expect("a path of text");
+    let words = [
+        "hil",
+        "scenarios/vibro_impact.toml",
+        "--rig",
+        "emulated",
+        "--clock",
+        "realtime",
+        "--allow-best-effort",
+        "--no-rrd",
+        "--pilot",
+        "--pilot-hold=60",
+        "--out",
+        path,
+    ];
+    let done = python(&["settle>w|F1 +41>q"], &words);
+    let text = String::from_utf8_lossy(&done.stdout);
+    assert!(text.contains("terminal restored") && text.contains("steps left []"), "{text}");
+    let (flight, _) = text.split_once("terminal restored").expect("just seen");
+    assert!(flight.contains("ok   operator"), "{text}");
+    assert_eq!(flight.matches('\n').count(), flight.matches("\r\n").count(), "{text}");
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! `rig emulate`, `rig calibrate`, `rig identify` as users meet them.
 
 use std::{
-    io::{BufRead as _, BufReader},
+    io::{BufRead as _, BufReader, Lines},
     path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
+    process::{Child, ChildStdout, Command, Output, Stdio},
 };
 
 use docktwin::rigfile::{CalibrationFile, IdentificationFile, RigFileError, read, write};
 use docktwin_model::load_rig;
+use serde_json::Value;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -22,6 +23,49 @@ fn docktwin(args: &[&str]) -> Output {
 }
 
 const RIG: &str = "models/urdf/stewart.toml";
+
+/// `docktwin rig emulate` in a process of its own.
+struct Emulated {
+    child: Child,
+    said: Lines<BufReader<ChildStdout>>,
+    /// `ipc:NAME`.
+    port: String,
+}
+
+impl Emulated {
+    fn start(what: &str, more: &[&str]) -> Self {
+        let name = format!("test-{what}-{}", std::process::id());
+        let mut child = Command::new(env!("CARGO_BIN_EXE_docktwin"))
+            .args(["rig", "emulate", RIG, "--name", &name, "--allow-best-effort"])
+            .args(more)
+            .current_dir(root())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("docktwin runs");
+        let mut said = BufReader::new(child.stdout.take().expect("piped")).lines();
+        let port = format!("ipc:{name}");
+        let ready = said.next().expect("a line").expect("text");
+        assert!(ready.starts_with(&format!("ready: {port}")), "{ready}");
+        Self { child, said, port }
+    }
+
+    /// Asks it to end; its last line.
+    fn end(mut self) -> String {
+        let killed = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
+        assert!(killed.expect("kill is there").success());
+        let last = self.said.next().expect("a line").expect("text");
+        assert!(self.child.wait().expect("it was started here").success());
+        last
+    }
+}
+
+impl Drop for Emulated {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
 
 /// What was measured comes back bit by bit, belongs to its rig, and is refused when it was touched.
 #[test]
@@ -104,19 +148,8 @@ fn invariant_files_come_back_as_they_were_written() {
 #[test]
 fn invariant_a_rig_in_another_process_is_the_same_rig() {
     let folder = tempfile::tempdir().expect("a folder");
-    let name = format!("test-{}", std::process::id());
-    let mut rig = Command::new(env!("CARGO_BIN_EXE_docktwin"))
-        .args(["rig", "emulate", RIG, "--name", &name, "--perturb", "7", "--allow-best-effort"])
-        .current_dir(root())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("docktwin runs");
-    let mut said = BufReader::new(rig.stdout.take().expect("piped")).lines();
-    let ready = said.next().expect("a line").expect("text");
-    assert!(ready.starts_with(&format!("ready: ipc:{name}")), "{ready}");
-    let port = format!("ipc:{name}");
-    let found: Vec<_> = ["emulated", port.as_str()]
+    let rig = Emulated::start("identified", &["--perturb", "7"]);
+    let found: Vec<_> = ["emulated", &rig.port]
         .iter()
         .enumerate()
         .map(|(i, port)| {
@@ -142,9 +175,42 @@ fn invariant_a_rig_in_another_process_is_the_same_rig() {
         })
         .collect();
     assert_eq!(found[0], found[1]);
-    let killed = Command::new("kill").args(["-TERM", &rig.id().to_string()]).status();
-    assert!(killed.expect("kill is there").success());
-    let last = said.next().expect("a line").expect("text");
+    let last = rig.end();
     assert!(last.starts_with("ended: ") && last.contains(" 0 refused"), "{last}");
-    assert!(rig.wait().expect("it was started here").success());
+}
+
+/// A rig behind a port moves only when somebody said so; then a row of Table 4 runs on it as on one in
+/// this process, bit by bit, and in real time too.
+#[test]
+fn invariant_table_4_runs_on_a_rig_in_another_process() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rig = Emulated::start("struck", &["--scenario", "scenarios/vibro_impact.toml"]);
+    let row = |name: &str, port: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let out = out.to_str().expect("plain").to_owned();
+        let mut args = vec!["validate", "vibro-impact", "--axis", "x", "--case", "3", "--json"];
+        args.extend(["--rig", port, "--out", &out]);
+        docktwin(&[&args, more].concat())
+    };
+    let told = |o: &Output| -> Value { serde_json::from_slice(&o.stdout).expect("JSON") };
+
+    let refused = row("refused", &rig.port, &[]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(told(&refused)["error"][0].as_str().is_some_and(|e| e.contains("nobody is there")));
+
+    let [here, there] = ["emulated", &rig.port].map(|port| {
+        let done = told(&row(port.split(':').next().unwrap_or(port), port, &["--yes"]));
+        assert_eq!(done["tests"][0]["loop"]["ticks_without_measurement"], 0, "{done}");
+        done["tests"][0]["contacts"].clone()
+    });
+    assert!(here[0]["R_e"].is_f64(), "{here}");
+    assert_eq!(here, there);
+
+    // How well it keeps time is the machine's; that it is told is ours.
+    let more = ["--yes", "--clock", "realtime", "--allow-best-effort"];
+    let timed = told(&row("timed", &rig.port, &more));
+    let kept = &timed["tests"][0]["loop"];
+    assert!(kept["ticks"].as_u64().is_some_and(|n| n > 0), "{timed}");
+    assert!(kept["missed_ticks"].is_u64() && kept["lateness_max_ms"].is_f64(), "{timed}");
+    rig.end();
 }

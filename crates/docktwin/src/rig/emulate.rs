@@ -4,7 +4,7 @@ use std::{process::ExitCode, sync::atomic::Ordering};
 
 use docktwin_hil::{
     ipc::{RigEvent, RigServer, ServeOptions},
-    realtime::{RealtimeSetup, Shortage, catch_termination, relax},
+    realtime::{catch_termination, relax},
 };
 use serde_json::json;
 
@@ -21,11 +21,7 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
     };
     let mut server = RigServer::open(&args.name)
         .map_err(|e| usage(&e, "a rig that still runs under this name is ended with Ctrl-C"))?;
-    let shortage = if args.allow_best_effort { Shortage::BestEffort } else { Shortage::Refuse };
-    let realtime = RealtimeSetup { core: args.core, ..RealtimeSetup::default() };
-    let report = realtime.apply(shortage).map_err(|e| {
-        usage(&e, "`docktwin doctor` tells more; a loop in virtual time needs none")
-    })?;
+    let report = args.realtime.apply()?;
     let stop = catch_termination();
     if as_json {
         println!(

@@ -3,10 +3,9 @@
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
-    time::Duration,
 };
 
-use docktwin::rigfile::{CalibrationFile, DOFS, IdentificationFile, Origin, RigFile, read, write};
+use docktwin::rigfile::{CalibrationFile, DOFS, IdentificationFile, Origin, RigFile, write};
 use docktwin_control::{rig::RigSetup, safety::SafetyLimits};
 use docktwin_core::{Digest, Pose};
 use docktwin_hil::{
@@ -15,19 +14,18 @@ use docktwin_hil::{
     drive::{Drive, DriveSetup},
     identify::{FREQUENCIES_HZ, IdentifySetup, identify as identified},
     in_process::InProcess,
-    ipc::IpcRig,
-    realtime::{RealtimeSetup, Shortage, relax},
+    realtime::relax,
     rig::Rig,
     scheduler::LegCorrections,
 };
 
 use super::{CalibrateArgs, IdentifyArgs, MeasureArgs, Stand};
-use crate::{cli::ClockArg, failure::Failure, hil::wall_session};
+use crate::{
+    cli::ClockArg,
+    failure::Failure,
+    rigs::{PERIOD_NS, RigPlace, confirm, connect, identification, new_session, patience},
+};
 
-const PERIOD_NS: u64 = 1_000_000;
-/// How long a rig in another process may take over a tick in lockstep, and to be found at all.
-const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(5);
-const CONNECT_PATIENCE: Duration = Duration::from_secs(10);
 /// From place to place, m/s and rad/s.
 const MOVE: [f64; 2] = [0.1, 0.05];
 /// By how much sensor A may change before the drive is stopped, N.
@@ -76,41 +74,14 @@ impl<'a> Task<'a> {
         RigSetup::of_rig(&self.stand.rig, self.stand.preset, None)
     }
 
-    fn port(&self) -> Result<Option<&'a str>, Failure> {
-        match (self.args.rig.as_str(), self.args.rig.strip_prefix("ipc:")) {
-            ("emulated", _) => Ok(None),
-            (_, Some(name)) if !name.is_empty() => Ok(Some(name)),
-            (other, _) => Err(Failure::Usage {
-                what: format!("there is no rig `{other}`"),
-                remedy:
-                    "take `emulated`, or `ipc:NAME` of a rig that runs as `docktwin rig emulate \
-                         RIG.toml --name NAME`"
-                        .to_owned(),
-            }),
-        }
-    }
-
     fn run<W: Work>(&self, work: &W) -> Result<W::Found, Failure> {
-        match self.port()? {
-            None => {
+        confirm(&self.args.rig, self.args.yes)?;
+        match &self.args.rig {
+            RigPlace::Emulated => {
                 let plant = self.stand.emulated(&self.args.built, &self.place)?;
                 self.with_clock(InProcess::new(plant), work)
             }
-            Some(name) => {
-                if !self.args.yes {
-                    return Err(Failure::Usage {
-                        what: "nobody confirmed that the rig may move".to_owned(),
-                        remedy: "add --yes when the emergency stop has been tested and nobody is \
-                                 near the rig"
-                            .to_owned(),
-                    });
-                }
-                let rig = IpcRig::connect(name, CONNECT_PATIENCE).map_err(|e| Failure::Usage {
-                    what: e.to_string(),
-                    remedy: format!("start it with `docktwin rig emulate RIG.toml --name {name}`"),
-                })?;
-                self.with_clock(rig, work)
-            }
+            RigPlace::Port(name) => self.with_clock(connect(name)?, work),
         }
     }
 
@@ -118,13 +89,7 @@ impl<'a> Task<'a> {
         match self.args.clock {
             ClockArg::Virtual => self.drive(rig, VirtualClock::new(PERIOD_NS), work),
             ClockArg::Realtime => {
-                let allow = self.args.allow_best_effort;
-                let shortage = if allow { Shortage::BestEffort } else { Shortage::Refuse };
-                let realtime = RealtimeSetup { core: self.args.core, ..RealtimeSetup::default() };
-                realtime.apply(shortage).map_err(|e| Failure::Usage {
-                    what: e.to_string(),
-                    remedy: "`docktwin doctor` tells more".to_owned(),
-                })?;
+                self.args.realtime.apply()?;
                 let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
                 let found = self.drive(rig, clock, work);
                 relax();
@@ -145,8 +110,8 @@ impl<'a> Task<'a> {
             corrections: self.corrections,
             limits: SafetyLimits::of_rig(&self.stand.rig, self.may_change_n, f64::INFINITY),
             speed: MOVE,
-            session: wall_session(),
-            patience: if K::LOCKSTEP { LOCKSTEP_PATIENCE } else { Duration::ZERO },
+            session: new_session(),
+            patience: patience::<K>(),
         };
         let mut drive = Drive::start(setup, rig, clock).map_err(|e| failed(&e))?;
         let found = work.work(&mut drive)?;
@@ -156,8 +121,9 @@ impl<'a> Task<'a> {
 
     fn origin(&self) -> Origin {
         let a = self.args;
-        let mut o = Origin::now(&self.stand.rig, self.stand.preset, &a.rig, &self.place);
-        if a.rig == "emulated" {
+        let port = a.rig.to_string();
+        let mut o = Origin::now(&self.stand.rig, self.stand.preset, &port, &self.place);
+        if a.rig == RigPlace::Emulated {
             (o.seed, o.perturb) = (Some(a.built.seed), a.built.perturb);
         }
         o
@@ -285,13 +251,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
         task.may_change_n = TOUCH_N;
     }
     if let Some(path) = &args.identification {
-        let file = read::<IdentificationFile>(path)?;
-        file.made_for(&task.stand.rig)?;
-        let known = file.content.identification().ok_or_else(|| Failure::Usage {
-            what: format!("a response has no amplitude: {}", path.display()),
-            remedy: "run `docktwin rig identify` again".to_owned(),
-        })?;
-        task.corrections = known.corrections();
+        task.corrections = identification(path, &task.stand.rig)?.1.corrections();
     }
     let found = task.run(&setup)?;
     let (p, c) = (&found.payload, found.payload.com_m);
