@@ -26,7 +26,7 @@ pub fn displacement(place: &Pose, x_34: &Pose) -> [f64; 6] {
 }
 
 /// The motion that is displaced along one degree of freedom by `x[0]`, with its derivatives.
-fn displaced(place: &Pose, dof: usize, x: [f64; 4]) -> RelativeMotion {
+pub(crate) fn displaced(place: &Pose, dof: usize, x: [f64; 4]) -> RelativeMotion {
     let way = along(dof, x[0]);
     RelativeMotion {
         x_34: Pose::new(place.p + way.v, (DQuat::from_scaled_axis(way.w) * place.q).normalize()),
@@ -34,6 +34,18 @@ fn displaced(place: &Pose, dof: usize, x: [f64; 4]) -> RelativeMotion {
         acceleration: along(dof, x[2]),
         jerk: along(dof, x[3]),
     }
+}
+
+/// A sine of `w` rad/s under an envelope, both with three derivatives.
+pub(crate) fn swinging(e: [f64; 4], w: f64, t: f64) -> [f64; 4] {
+    let (s, c) = (w * t).sin_cos();
+    let f = [s, w * c, -w * w * s, -w * w * w * c];
+    [
+        e[0] * f[0],
+        e[1] * f[0] + e[0] * f[1],
+        e[2] * f[0] + 2.0 * e[1] * f[1] + e[0] * f[2],
+        e[3] * f[0] + 3.0 * e[2] * f[1] + 3.0 * e[1] * f[2] + e[0] * f[3],
+    ]
 }
 
 /// From rest to a constant speed and to rest again.
@@ -118,15 +130,7 @@ impl Sine {
         let e = smooth(if out { end - t } else { t } / r);
         let sign = if out { -1.0 } else { 1.0 };
         let e = [e[0], sign * e[1] / r, e[2] / (r * r), sign * e[3] / (r * r * r)];
-        let w = TAU * self.hz;
-        let (s, c) = (w * t).sin_cos();
-        let f = [s, w * c, -w * w * s, -w * w * w * c];
-        let x = [
-            e[0] * f[0],
-            e[1] * f[0] + e[0] * f[1],
-            e[2] * f[0] + 2.0 * e[1] * f[1] + e[0] * f[2],
-            e[3] * f[0] + 3.0 * e[2] * f[1] + 3.0 * e[1] * f[2] + e[0] * f[3],
-        ];
+        let x = swinging(e, TAU * self.hz, t);
         displaced(&self.about, self.dof, x.map(|x| x * self.amplitude))
     }
 }

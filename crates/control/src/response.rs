@@ -8,7 +8,7 @@
 
 use core::f64::consts::TAU;
 
-use docktwin_core::{DQuat, DVec3, Pose, Twist, Wrench};
+use docktwin_core::{DVec3, Pose, Twist, Wrench};
 use docktwin_physics::{
     platform::Platform,
     rig::{PortSpring, RigFault},
@@ -16,8 +16,10 @@ use docktwin_physics::{
 use nalgebra::{Complex, Matrix6, Vector6};
 
 use crate::{
+    excitation::{along, displaced, displacement, swinging},
     feedforward::{MotionError, PlateMotion},
     linear::{LinearInputs, LinearRig},
+    planner::smooth,
     rig::{ClosedRig, RigSetup, SetupError, TICK_S},
 };
 
@@ -95,22 +97,9 @@ type Signal = [f64; 4];
 /// A sine that begins softly: its envelope is a smooth step of `RAMP_S`.
 fn sine(amplitude: f64, w: f64, t: f64) -> Signal {
     const RAMP_S: f64 = 0.3;
-    // 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷: three derivatives are zero at both ends.
-    let x = (t / RAMP_S).clamp(0.0, 1.0);
-    let e = [
-        x.powi(4) * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x))),
-        x.powi(3) * (140.0 + x * (-420.0 + x * (420.0 - 140.0 * x))) / RAMP_S,
-        x.powi(2) * (420.0 + x * (-1680.0 + x * (2100.0 - 840.0 * x))) / RAMP_S.powi(2),
-        x * (840.0 + x * (-5040.0 + x * (8400.0 - 4200.0 * x))) / RAMP_S.powi(3),
-    ];
-    let (s, c) = (w * t).sin_cos();
-    let f = [s, w * c, -w * w * s, -w * w * w * c];
-    [
-        amplitude * e[0] * f[0],
-        amplitude * (e[1] * f[0] + e[0] * f[1]),
-        amplitude * (e[2] * f[0] + 2.0 * e[1] * f[1] + e[0] * f[2]),
-        amplitude * (e[3] * f[0] + 3.0 * e[2] * f[1] + 3.0 * e[1] * f[2] + e[0] * f[3]),
-    ]
+    let [e, e1, e2, e3] = smooth(t / RAMP_S);
+    let envelope = [e, e1 / RAMP_S, e2 / RAMP_S.powi(2), e3 / RAMP_S.powi(3)];
+    swinging(envelope, w, t).map(|x| amplitude * x)
 }
 
 /// A sine whose frequency swings from `from` to `to` (Hz) and back in `period` (s), for ever.
@@ -153,28 +142,15 @@ impl Sweep {
 }
 
 impl Bench {
-    fn unit(dof: usize, by: f64) -> Twist {
-        let mut axis = [0.0; 3];
-        axis[dof % 3] = by;
-        let axis = DVec3::from_array(axis);
-        if dof < 3 { Twist { v: axis, w: DVec3::ZERO } } else { Twist { v: DVec3::ZERO, w: axis } }
-    }
-
     fn motion(&self, platform: &Platform, dof: usize, s: Signal) -> PlateMotion {
-        let way = Self::unit(dof, s[0]);
-        let x_34 = Pose::new(
-            self.x_34.p + way.v,
-            (DQuat::from_scaled_axis(way.w) * self.x_34.q).normalize(),
-        );
-        let rates = [s[1], s[2], s[3]].map(|x| Self::unit(dof, x));
-        PlateMotion::of_docking(platform, &x_34, &rates)
+        let m = displaced(&self.x_34, dof, s);
+        PlateMotion::of_docking(platform, &m.x_34, &[m.twist, m.acceleration, m.jerk])
     }
 
     /// Displacement of `e4` from the pose it swings about, rotations times the lever.
     fn displacement(&self, x_34: &Pose) -> [f64; 6] {
-        let p = x_34.p - self.x_34.p;
-        let w = (x_34.q * self.x_34.q.conjugate()).to_scaled_axis() * self.lever_m;
-        [p.x, p.y, p.z, w.x, w.y, w.z]
+        let [x, y, z, roll, pitch, yaw] = displacement(&self.x_34, x_34);
+        [x, y, z, roll * self.lever_m, pitch * self.lever_m, yaw * self.lever_m]
     }
 
     fn spring(&self, platform: &Platform) -> PortSpring {
@@ -361,7 +337,7 @@ impl Bench {
         let matrix = |platform: &Platform| {
             let c = platform.at(&platform.plate_from_docking(&self.x_34));
             let columns: [Vector6<f64>; 6] = core::array::from_fn(|i| {
-                let t = platform.plate_twist(&self.x_34, &Self::unit(i, 1.0));
+                let t = platform.plate_twist(&self.x_34, &along(i, 1.0));
                 Vector6::new(t.v.x, t.v.y, t.v.z, t.w.x, t.w.y, t.w.z)
             });
             let port = Matrix6::from_columns(&columns);
