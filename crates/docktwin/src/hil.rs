@@ -107,6 +107,9 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         println!("{}", serde_json::to_value(&summary).unwrap_or_default());
     } else {
         tell(&summary, &scenario, &out);
+        let (what, word) =
+            if repeats(args) { ("Replay it", "replay") } else { ("Read about it", "report") };
+        println!("{what} with: docktwin {word} {}", out.display());
     }
     Ok(ExitCode::from(match (summary.verdict, summary.outcome) {
         (Verdict::Pass, _) => 0,
@@ -443,12 +446,14 @@ fn rig_path(args: &HilArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
     })
 }
 
-/// A number for this run: the same one under a virtual clock, so that runs repeat.
+/// In real time, and against a rig in another process, no run repeats bit by bit.
+fn repeats(args: &HilArgs) -> bool {
+    (args.clock, &args.rig) == (ClockArg::Virtual, &RigPlace::Emulated)
+}
+
+/// A number for this run: the same one where it is to repeat.
 fn session(args: &HilArgs) -> u64 {
-    match (args.clock, &args.rig) {
-        (ClockArg::Virtual, RigPlace::Emulated) => 1,
-        _ => new_session(),
-    }
+    if repeats(args) { 1 } else { new_session() }
 }
 
 /// The longest run-up that stays clear of the other side.

@@ -76,6 +76,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
         println!("{}", serde_json::to_value(&summary).unwrap_or_default());
     } else {
         print(&summary, &scenario.expect, &out);
+        println!("Replay it with: docktwin replay {}", out.display());
     }
     Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
 }
@@ -673,5 +674,4 @@ pub(crate) fn print(s: &Summary, expect: &Expect, out: &Path) {
     );
     println!("  state digest   {}", s.state_digest);
     println!("  written to     {}", out.display());
-    println!("Replay it with: docktwin replay {}", out.display());
 }
