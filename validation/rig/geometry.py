@@ -115,9 +115,13 @@ class RigFile:
         force = mass * rotation(self.q_b3).T @ self.gravity
         return np.concatenate([force, np.cross(com, force)])
 
+    def felt_at_b(self, q, acceleration):
+        """Specific force at `e4`, in `e4`: what an accelerometer feels; the plate does not turn fast."""
+        turned = rotation(multiply(q, self.x_p4[1])).T
+        return turned @ (acceleration - self.gravity)
+
     def weight_b(self, q, acceleration):
         """What sensor B feels of weight and inertia, about `e4`, in `e4`; the plate does not turn fast."""
         mass, com = self.carried[1]
-        turned = rotation(multiply(q, self.x_p4[1])).T
-        force = mass * turned @ (self.gravity - acceleration)
+        force = -mass * self.felt_at_b(q, acceleration)
         return np.concatenate([force, np.cross(com, force)])

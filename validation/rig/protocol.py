@@ -5,10 +5,11 @@ from __future__ import annotations
 import ctypes
 import math
 
-VERSION = 1
+VERSION = 2
 IDLE, HOLD, TRACK, RETRACT, STOP = range(5)
 LOCKSTEP = 1
 ENABLED, SAFE_STATE, REFUSED, TRUTH, UNASKED = 1, 1 << 5, 1 << 6, 1 << 7, 1 << 8
+ACCELEROMETER = 1 << 9
 SILENT_PERIODS = 10
 PERIODS_NS = range(10_000, 1_000_000_001)
 
@@ -40,7 +41,7 @@ class RigCommand(ctypes.Structure):
     @staticmethod
     def type_name() -> str:
         """Under which iceoryx2 knows it."""
-        return "DocktwinRigCommandV1"
+        return "DocktwinRigCommandV2"
 
     def numbers(self):
         """Every number that must be finite."""
@@ -67,6 +68,7 @@ class RigMeasurement(ctypes.Structure):
         ("valve_spool", ctypes.c_double * 6),
         ("sensor_a", ctypes.c_double * 6),
         ("sensor_b", ctypes.c_double * 6),
+        ("plate_acceleration", ctypes.c_double * 6),
         ("mechanism", ctypes.c_double * 10),
         ("temperature_c", ctypes.c_double * 8),
         ("truth_position_m", ctypes.c_double * 3),
@@ -79,7 +81,7 @@ class RigMeasurement(ctypes.Structure):
     @staticmethod
     def type_name() -> str:
         """Under which iceoryx2 knows it."""
-        return "DocktwinRigMeasurementV1"
+        return "DocktwinRigMeasurementV2"
 
 
 class Desk:

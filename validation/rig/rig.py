@@ -23,6 +23,7 @@ import numpy as np
 
 from geometry import RigFile, rotation
 from protocol import (
+    ACCELEROMETER,
     ENABLED,
     HOLD,
     IDLE,
@@ -112,6 +113,9 @@ class Plate:
         if not self.bare:
             a = a + self.rig.weight_a() + self._noise()
             b = b + self.rig.weight_b(self.q, self.acceleration) + self._noise()
+            felt = self.rig.felt_at_b(self.q, self.acceleration)
+            m.plate_acceleration[:3] = [x + self.noise.gauss(0.0, 7e-4) for x in felt]
+            m.status |= ACCELEROMETER
         m.sensor_a[:], m.sensor_b[:] = a, b
         # Of the state alone: what stands in front of the legs is filled in later.
         state = bytes(m)[RigMeasurement.leg_length_m.offset :]

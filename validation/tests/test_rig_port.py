@@ -64,7 +64,7 @@ class Still:
 
 
 def command(session, tick, mode, **changes):
-    c = RigCommand(protocol_version=1, mode=mode, flags=LOCKSTEP, session=session, tick=tick)
+    c = RigCommand(protocol_version=2, mode=mode, flags=LOCKSTEP, session=session, tick=tick)
     c.loop_time_ns = c.wakeup_ns = tick * MS
     c.period_ns = MS
     for name, value in changes.items():
@@ -73,7 +73,7 @@ def command(session, tick, mode, **changes):
 
 
 SPOILED = [
-    (1, {"protocol_version": 2}),
+    (1, {"protocol_version": 1}),
     (3, {"tick": 1}),
     (4, {"plate_position_m": (ctypes.c_double * 3)(0, math.nan, 0)}),
     (5, {"flags": 0, "wakeup_ns": 10**18}),
@@ -145,3 +145,5 @@ def test_sensors_of_steel_feel_the_weight():
     m = plate.alone(MS)
     # 240 kg on the rack and 200 kg on the plate, gravity along -X; noise of 0.3 N.
     assert abs(m.sensor_a[0] + 240 * 9.81) < 3 and abs(m.sensor_b[0] + 200 * 9.81) < 3
+    # An accelerometer at rest feels what holds it up.
+    np.testing.assert_allclose(m.plate_acceleration, [9.81, 0, 0, 0, 0, 0], atol=5e-3)

@@ -4,7 +4,7 @@
 //! scheme), less weight and inertia of what it carries, or from A by (12) and (13) (single-sensor
 //! scheme), which is right as far as the moving part of the active mechanism is light.
 
-use docktwin_core::{Pose, Wrench};
+use docktwin_core::{DVec3, Pose, Wrench};
 use docktwin_physics::mounted::{Carried, Payload, Ports};
 
 /// Where F4, M4 come from.
@@ -25,29 +25,43 @@ pub fn opposite(port3: &Wrench, x_34: &Pose) -> Wrench {
     (-at_4).rotated(x_34.q.conjugate())
 }
 
+/// What is read of one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Readings {
+    /// Sensor A.
+    pub a: Wrench,
+    /// Sensor B.
+    pub b: Wrench,
+    /// Displacement of the ring, m, in `e3`; zero where the mechanism does not tell.
+    pub ring: DVec3,
+}
+
 /// Conditioning of both sensors.
 #[derive(Clone, Copy, Debug)]
 pub struct Conditioning {
     scheme: SensorScheme,
     /// What sensor B carries, as believed.
     payload: Payload,
-    /// Offsets of A and B.
-    tare: [Wrench; 2],
-    sum: [Wrench; 2],
+    /// Weight of the ring, N, in `e3`: sensor A feels by its moment where the ring is.
+    ring_weight: DVec3,
+    tare: Readings,
+    sum: Readings,
     samples: u32,
 }
 
 impl Conditioning {
     /// Not tared yet.
     #[must_use]
-    pub const fn new(scheme: SensorScheme, payload: Payload) -> Self {
-        Self { scheme, payload, tare: [Wrench::ZERO; 2], sum: [Wrench::ZERO; 2], samples: 0 }
+    pub const fn new(scheme: SensorScheme, payload: Payload, ring_weight: DVec3) -> Self {
+        const NONE: Readings = Readings { a: Wrench::ZERO, b: Wrench::ZERO, ring: DVec3::ZERO };
+        Self { scheme, payload, ring_weight, tare: NONE, sum: NONE, samples: 0 }
     }
 
     /// Takes a sample for the tare; nothing touches.
-    pub fn tare_sample(&mut self, a: &Wrench, b: &Wrench, carried: &Carried) {
-        self.sum[0] += *a;
-        self.sum[1] += *b + -self.payload.wrench(carried);
+    pub fn tare_sample(&mut self, read: &Readings, carried: &Carried) {
+        self.sum.a += read.a;
+        self.sum.b += read.b + -self.payload.wrench(carried);
+        self.sum.ring += read.ring;
         self.samples += 1;
     }
 
@@ -57,24 +71,26 @@ impl Conditioning {
             return;
         }
         let n = f64::from(self.samples);
-        self.tare = self.sum.map(|w| Wrench { f: w.f / n, m: w.m / n });
-        self.sum = [Wrench::ZERO; 2];
+        let mean = |w: &Wrench| Wrench { f: w.f / n, m: w.m / n };
+        let Readings { a, b, ring } = core::mem::take(&mut self.sum);
+        self.tare = Readings { a: mean(&a), b: mean(&b), ring: ring / n };
         self.samples = 0;
     }
 
-    /// The tare: offsets of A and B.
+    /// The tare: offsets of A and B, and where the ring was.
     #[must_use]
-    pub const fn offsets(&self) -> &[Wrench; 2] {
+    pub const fn offsets(&self) -> &Readings {
         &self.tare
     }
 
     /// Wrenches at both ports from readings of one instant, at which the mechanisms stood at `x_34`.
     #[must_use]
-    pub fn ports(&self, a: &Wrench, b: &Wrench, x_34: &Pose, carried: &Carried) -> Ports {
-        let port3 = *a + -self.tare[0];
+    pub fn ports(&self, read: &Readings, x_34: &Pose, carried: &Carried) -> Ports {
+        let mut port3 = read.a + -self.tare.a;
+        port3.m -= (read.ring - self.tare.ring).cross(self.ring_weight);
         let port4 = match self.scheme {
             SensorScheme::Single => opposite(&port3, x_34),
-            SensorScheme::Two => *b + -self.tare[1] + -self.payload.wrench(carried),
+            SensorScheme::Two => read.b + -self.tare.b + -self.payload.wrench(carried),
         };
         Ports { port3, port4 }
     }
@@ -82,7 +98,7 @@ impl Conditioning {
 
 #[cfg(test)]
 mod tests {
-    use docktwin_core::{DMat3, DQuat, DVec3, Twist};
+    use docktwin_core::{DMat3, DQuat, Twist};
 
     use super::*;
 
@@ -114,12 +130,12 @@ mod tests {
             com_m: DVec3::new(0.1, 0.02, -0.03),
             inertia_kg_m2: DMat3::from_diagonal(DVec3::new(40.0, 30.0, 20.0)),
         };
-        let mut c = Conditioning::new(SensorScheme::Two, payload);
+        let mut c = Conditioning::new(SensorScheme::Two, payload, DVec3::ZERO);
         let still = Carried { gravity: DVec3::new(-9.81, 0.0, 0.0), ..Carried::default() };
         let zero = Wrench { f: DVec3::splat(3.0), m: DVec3::splat(-2.0) };
-        let read = |at: &Carried| payload.wrench(at) + zero;
+        let read = |at: &Carried| Readings { b: payload.wrench(at) + zero, ..Readings::default() };
         for _ in 0..10 {
-            c.tare_sample(&Wrench::ZERO, &read(&still), &still);
+            c.tare_sample(&read(&still), &still);
         }
         c.tare();
         let moving = Carried {
@@ -127,7 +143,29 @@ mod tests {
             rate: DVec3::new(0.1, 0.2, -0.3),
             acceleration: Twist { v: DVec3::new(1.0, -2.0, 0.5), w: DVec3::new(0.3, 0.1, 0.2) },
         };
-        let ports = c.ports(&Wrench::ZERO, &read(&moving), &Pose::IDENTITY, &moving);
+        let ports = c.ports(&read(&moving), &Pose::IDENTITY, &moving);
         assert!(ports.port4.f.length() < 1e-9 && ports.port4.m.length() < 1e-9);
+        // Accelerometers say the same without knowing where down is.
+        let [v, w] = moving.feels();
+        let felt = Carried::felt(v, w, moving.rate);
+        let ports = c.ports(&read(&moving), &Pose::IDENTITY, &felt);
+        assert!(ports.port4.f.length() < 1e-9 && ports.port4.m.length() < 1e-9);
+    }
+
+    /// A ring that is pushed aside turns its weight about sensor A, and nothing touches for that.
+    #[test]
+    fn oracle_a_ring_aside_weighs_the_same() {
+        let weight = DVec3::new(-390.0, 3.0, 0.0);
+        let feels = |ring: DVec3| Readings {
+            a: Wrench { f: weight, m: (DVec3::X * 0.4 + ring).cross(weight) },
+            ring,
+            ..Readings::default()
+        };
+        let mut c = Conditioning::new(SensorScheme::Single, Payload::NONE, weight);
+        c.tare_sample(&feels(DVec3::new(-0.01, 0.0, 0.001)), &Carried::default());
+        c.tare();
+        let aside = feels(DVec3::new(-0.02, 0.015, -0.01));
+        let ports = c.ports(&aside, &Pose::IDENTITY, &Carried::default());
+        assert!(ports.port3.f.length() < 1e-12 && ports.port3.m.length() < 1e-12);
     }
 }

@@ -30,7 +30,7 @@ use docktwin_control::{
 };
 use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
-    calibrate::Calibration,
+    calibrate::{Calibration, accelerometers_ahead_s},
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
     identify::{Identification, sensor_interface},
@@ -43,7 +43,7 @@ use docktwin_hil::{
     },
     vibro::believed_delays_s,
 };
-use docktwin_model::{ForceSensor, HydraulicPreset, Rig as RigModel, load_rig};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, RigSensors, SixAxisSensor, load_rig};
 use docktwin_physics::{
     body::BodyState,
     contact::PAIRS,
@@ -146,7 +146,7 @@ impl Known {
     }
 
     /// Delay of the plate and the lead that undoes plate and sensor, as identified.
-    fn delays_s(&self, sensor: &ForceSensor) -> Option<(f64, f64)> {
+    fn delays_s(&self, sensor: &SixAxisSensor) -> Option<(f64, f64)> {
         let found = &self.identification.as_ref()?.1;
         let of_a = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
         let lag_s = self
@@ -156,12 +156,30 @@ impl Known {
         Some((found.delay_s() + lag_s, found.lead_s(&of_a)))
     }
 
+    /// Lag of sensor B less that of the accelerometers.
+    fn accelerometers_ahead_s(&self, sensors: &RigSensors) -> f64 {
+        self.calibration.as_ref().map_or_else(
+            || accelerometers_ahead_s(sensors),
+            |c| c.1.accelerometers_ahead_s(sensors),
+        )
+    }
+
     /// One line for the checklist, and the digest for the record.
     fn lines(&self) -> [(&'static str, Option<(f64, String)>); 2] {
         let of = |origin: &Origin, digest: &Digest| (origin.age_days(), digest.to_string());
         let i = self.identification.as_ref().map(|i| of(&i.0.content.origin, &i.0.digest));
         let c = self.calibration.as_ref().map(|c| of(&c.0.content.origin, &c.0.digest));
         [("identification", i), ("calibration", c)]
+    }
+}
+
+/// The scheme asked for. Otherwise (12) and (13) for a mechanism without moving parts, and a sensor at
+/// each port where a ring has inertia and the plate has accelerometers.
+fn scheme(two: Option<bool>, system: &System, sensors: &RigSensors) -> SensorScheme {
+    if two.unwrap_or(!system.rigid() && sensors.accelerometer.is_some()) {
+        SensorScheme::Two
+    } else {
+        SensorScheme::Single
     }
 }
 
@@ -210,12 +228,14 @@ impl<'a> Prepared<'a> {
                 .as_ref()
                 .map_or_else(LegCorrections::default, |i| i.1.corrections()),
             compensation,
-            scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
+            scheme: scheme(hil.two_sensors, &system, &sensors),
             payload: known.calibration.as_ref().map_or_else(
                 || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
                 |c| c.1.payload,
             ),
+            ring_mass_kg: system.ring_mass_kg(),
             interface_delay_s,
+            accelerometers_ahead_s: known.accelerometers_ahead_s(&sensors),
             limits: SafetyLimits::of_rig(
                 &rig,
                 hil.force_limit_n.unwrap_or(force),

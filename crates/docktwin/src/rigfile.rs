@@ -242,6 +242,9 @@ pub struct CalibrationFile {
     pub delay_a_s: Option<f64>,
     /// The same of B.
     pub delay_b_s: f64,
+    /// The same of the accelerometers, where the rig has them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_accelerometers_s: Option<f64>,
     /// What is left unexplained, root mean square, N.
     pub rest_n: f64,
     /// The same, moments, N·m.
@@ -326,6 +329,11 @@ impl RigFile for CalibrationFile {
             ("payload_mass_kg".to_owned(), self.payload_mass_kg, [1e-6, 1e6]),
             ("delay_b_s".to_owned(), self.delay_b_s, [-0.01, 0.1]),
             ("delay_a_s".to_owned(), self.delay_a_s.unwrap_or(0.0), [-0.01, 0.1]),
+            (
+                "delay_accelerometers_s".to_owned(),
+                self.delay_accelerometers_s.unwrap_or(0.0),
+                [-0.01, 0.1],
+            ),
         ];
         let vectors = [
             ("tare_a_n", self.tare_a_n),
@@ -503,6 +511,7 @@ impl CalibrationFile {
             payload_inertia_kg_m2: i,
             delay_a_s: found.delay_s[0],
             delay_b_s: found.delay_s[1].unwrap_or(0.0),
+            delay_accelerometers_s: found.accelerometer_delay_s,
             rest_n: found.rest[0],
             rest_nm: found.rest[1],
         }
@@ -523,6 +532,7 @@ impl CalibrationFile {
                 inertia_kg_m2: DMat3::from_cols_array_2d(&self.payload_inertia_kg_m2).transpose(),
             },
             delay_s: [self.delay_a_s, Some(self.delay_b_s)],
+            accelerometer_delay_s: self.delay_accelerometers_s,
             rest: [self.rest_n, self.rest_nm],
         }
     }

@@ -39,6 +39,11 @@ pub fn hil_columns() -> Vec<Column> {
             }
         }
     }
+    for (part, unit) in [("specific_force", "m_s2"), ("angular_acceleration", "rad_s2")] {
+        for a in XYZ {
+            out.push(Column::f64("/plate", format!("plate_{part}_{a}_{unit}")));
+        }
+    }
     for i in 1..=6 {
         for (what, unit) in [
             ("length", "_m"),
@@ -71,6 +76,7 @@ pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
     for w in [m.sensor_a, m.sensor_b, m.truth_port3, m.truth_port4] {
         out.extend(w.map(Cell::from));
     }
+    out.extend(m.plate_acceleration.map(Cell::from));
     let c = &r.command;
     for i in 0..6 {
         out.extend(

@@ -19,15 +19,15 @@ use docktwin_control::{
     sensing::opposite,
 };
 use docktwin_core::{DMat3, DQuat, DVec3, Pose, Twist, Wrench};
-use docktwin_model::ForceSensor;
-use docktwin_physics::mounted::Payload;
+use docktwin_model::{RigSensors, SixAxisSensor};
+use docktwin_physics::mounted::{Carried, Payload};
 use nalgebra::{Complex, DMatrix, DVector, SVector};
 
 use crate::{
     clock::Clock,
     drive::{Drive, DriveError, Sample},
     identify::sensor_interface,
-    port::{six, wrench},
+    port::{six, status, wrench},
     rig::Rig,
 };
 
@@ -39,8 +39,8 @@ type Row = SVector<f64, UNKNOWNS>;
 /// How the rig is moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrateSetup {
-    /// Both force sensors as the rig's file says.
-    pub sensor: ForceSensor,
+    /// The sensors as the rig's file says.
+    pub sensors: RigSensors,
     /// Where it is moved about, `X_34`.
     pub place: Pose,
     /// Tilt in pitch and in yaw, each way, rad.
@@ -67,8 +67,8 @@ pub struct Touch {
 impl CalibrateSetup {
     /// About a place, 0.08 rad of tilt, sines of 6 mm and 6 mrad at 3 Hz, no touch.
     #[must_use]
-    pub const fn at(place: Pose, sensor: ForceSensor) -> Self {
-        Self { sensor, place, tilt_rad: 0.08, hz: 3.0, amplitude: [6e-3, 6e-3], touch: None }
+    pub const fn at(place: Pose, sensors: RigSensors) -> Self {
+        Self { sensors, place, tilt_rad: 0.08, hz: 3.0, amplitude: [6e-3, 6e-3], touch: None }
     }
 }
 
@@ -105,6 +105,8 @@ pub struct Calibration {
     /// From the instant of a position sample to that of a force sample of the same stamp, s, beyond the
     /// second order of the file: the delay of the sensor's chain. A's only after a touch.
     pub delay_s: [Option<f64>; 2],
+    /// The same of the accelerometers, where the rig has them.
+    pub accelerometer_delay_s: Option<f64>,
     /// Root mean square of what swings with the sines and is not explained, N and N·m.
     pub rest: [f64; 2],
 }
@@ -112,16 +114,33 @@ pub struct Calibration {
 impl Calibration {
     /// The file's sensor (0: A, 1: B) with its delay as calibrated; as the file says without one.
     #[must_use]
-    pub fn sensor(&self, which: usize, file: &ForceSensor) -> ForceSensor {
+    pub fn sensor(&self, which: usize, file: &SixAxisSensor) -> SixAxisSensor {
         let delay_s = self.delay_s[which].unwrap_or(file.delay_s);
-        ForceSensor { delay_s, ..*file }
+        SixAxisSensor { delay_s, ..*file }
+    }
+
+    /// Lag of sensor B less that of the accelerometers, s; by the file where nothing was calibrated.
+    #[must_use]
+    pub fn accelerometers_ahead_s(&self, file: &RigSensors) -> f64 {
+        file.accelerometer.map_or(0.0, |a| {
+            let delay_s = self.accelerometer_delay_s.unwrap_or(a.delay_s);
+            let felt = SixAxisSensor { delay_s, ..a };
+            self.lag_s(1, &file.force) - sensor_interface(&felt).lag_s()
+        })
     }
 
     /// Lateness of a slow force in the readings of a sensor, s.
     #[must_use]
-    pub fn lag_s(&self, which: usize, file: &ForceSensor) -> f64 {
+    pub fn lag_s(&self, which: usize, file: &SixAxisSensor) -> f64 {
         sensor_interface(&self.sensor(which, file)).lag_s()
     }
+}
+
+/// Lag of sensor B less that of the accelerometers as the rig's file says, s.
+#[must_use]
+pub fn accelerometers_ahead_s(file: &RigSensors) -> f64 {
+    file.accelerometer
+        .map_or(0.0, |a| sensor_interface(&file.force).lag_s() - sensor_interface(&a).lag_s())
 }
 
 /// What swings in a sine: displacement of the plate, readings of A and of B.
@@ -131,6 +150,8 @@ struct Swing {
     motion: [C; 6],
     a: [C; 6],
     b: [C; 6],
+    /// Accelerometers, where there are any.
+    felt: Option<[C; 6]>,
 }
 
 const SETTLE_S: f64 = 0.5;
@@ -170,16 +191,24 @@ fn rows(gravity: DVec3, acceleration: &Twist, zero: f64) -> [Row; 6] {
     out
 }
 
-/// The same for what swings, in axes of `e4`.
+impl Swing {
+    /// What swings of gravity and motion at sensor B, in its axes: real and imaginary part.
+    fn carried(&self, q_34: DQuat, gravity_4: DVec3) -> [Carried; 2] {
+        let w2 = self.rate_rad_s * self.rate_rad_s;
+        [false, true].map(|im| {
+            let x = self.motion.map(|c| if im { c.im } else { c.re });
+            let p = q_34.conjugate() * DVec3::new(x[0], x[1], x[2]);
+            let turn = q_34.conjugate() * DVec3::new(x[3], x[4], x[5]);
+            let acceleration = Twist { v: p * -w2, w: turn * -w2 };
+            // Turning the sensor turns gravity back in its axes.
+            Carried { gravity: gravity_4.cross(turn), acceleration, ..Carried::default() }
+        })
+    }
+}
+
+/// The rows of what swings.
 fn swing_rows(s: &Swing, q_34: DQuat, gravity_4: DVec3) -> [[Row; 6]; 2] {
-    let w2 = s.rate_rad_s * s.rate_rad_s;
-    [0, 1].map(|part| {
-        let x = s.motion.map(|c| if part == 0 { c.re } else { c.im });
-        let p = q_34.conjugate() * DVec3::new(x[0], x[1], x[2]);
-        let turn = q_34.conjugate() * DVec3::new(x[3], x[4], x[5]);
-        // Turning the sensor turns gravity back in its axes.
-        rows(gravity_4.cross(turn), &Twist { v: p * -w2, w: turn * -w2 }, 0.0)
-    })
+    s.carried(q_34, gravity_4).map(|c| rows(c.gravity, &c.acceleration, 0.0))
 }
 
 fn swing<R: Rig, K: Clock>(
@@ -188,17 +217,20 @@ fn swing<R: Rig, K: Clock>(
     sine: &Sine,
     multiple: usize,
 ) -> Result<Swing, CalibrateError> {
-    let mut h = Harmonic::<18>::new(TAU * sine.hz, MULTIPLES);
+    let mut h = Harmonic::<24>::new(TAU * sine.hz, MULTIPLES);
+    let mut feels = true;
     let window = sine.ramp_s + SETTLE_S..sine.ramp_s + sine.steady_s;
     drive.run(
         sine.duration_s(),
         |t| sine.at(t),
         |s| {
             if window.contains(&s.time_s) {
-                let mut x = [0.0; 18];
+                let mut x = [0.0; 24];
                 x[..6].copy_from_slice(&displacement(place, &s.x_34));
                 x[6..12].copy_from_slice(&s.measurement.sensor_a);
-                x[12..].copy_from_slice(&s.measurement.sensor_b);
+                x[12..18].copy_from_slice(&s.measurement.sensor_b);
+                x[18..].copy_from_slice(&s.measurement.plate_acceleration);
+                feels &= s.measurement.has(status::ACCELEROMETER);
                 h.push(s.time_s, &x);
             }
         },
@@ -208,7 +240,8 @@ fn swing<R: Rig, K: Clock>(
     #[expect(clippy::cast_precision_loss, reason = "1 or 3")]
     let rate_rad_s = TAU * sine.hz * multiple as f64;
     let take = |from: usize| core::array::from_fn(|i| x[from + i]);
-    Ok(Swing { rate_rad_s, motion: take(0), a: take(6), b: take(12) })
+    let felt = feels.then(|| take(18));
+    Ok(Swing { rate_rad_s, motion: take(0), a: take(6), b: take(12), felt })
 }
 
 /// Means at rest: readings of A and B, and `X_34`.
@@ -260,18 +293,23 @@ pub fn calibrate<R: Rig, K: Clock>(
         swings.push(swing(drive, &place, &sine, 1)?);
     }
     let g4 = gravity_4(&place);
-    let known = solve(&still, &swings, place.q, g4, &setup.sensor)?;
+    let force = &setup.sensors.force;
+    let known = solve(&still, &swings, place.q, g4, force)?;
     let mut out = Calibration {
         place,
         tare_a: tare_a.unwrap_or_default(),
         zero_b: known.zero,
         payload: known.payload,
-        delay_s: [None, Some(setup.sensor.delay_s + known.late_s)],
+        delay_s: [None, Some(force.delay_s + known.late_s)],
+        accelerometer_delay_s: setup
+            .sensors
+            .accelerometer
+            .and_then(|file| Some(file.delay_s + felt_late_s(&swings, place.q, g4, &file)?)),
         rest: known.rest,
     };
     if let Some(touch) = setup.touch {
         let apart = touch_skew(drive, setup, &touch, &known.unknowns, known.late_s, g4)?;
-        out.delay_s[0] = Some(setup.sensor.delay_s + known.late_s + apart);
+        out.delay_s[0] = Some(force.delay_s + known.late_s + apart);
     }
     Ok(out)
 }
@@ -284,8 +322,27 @@ struct Known {
     rest: [f64; 2],
 }
 
-/// Reading of B before its lag, brought forward by `late_s`.
-fn unlagged(b: &[C; 6], rate_rad_s: f64, sensor: &ForceSensor, late_s: f64) -> [C; 6] {
+/// By how much later than their own lag the accelerometers are, s, from all sines together.
+fn felt_late_s(swings: &[Swing], q_34: DQuat, g4: DVec3, file: &SixAxisSensor) -> Option<f64> {
+    let (mut across, mut square) = (0.0, 0.0);
+    for s in swings {
+        let (w, felt) = (s.rate_rad_s, s.felt?);
+        let feels = s.carried(q_34, g4).map(|c| {
+            let [v, w] = c.feels();
+            six(v, w)
+        });
+        for (i, read) in unlagged(&felt, w, file, 0.0).into_iter().enumerate() {
+            let m = C::new(feels[0][i], feels[1][i]);
+            across -= w * (m.conj() * read).im;
+            square += w * w * m.norm_sqr();
+        }
+    }
+    let late_s = across / square;
+    late_s.is_finite().then_some(late_s)
+}
+
+/// A reading before the sensor's lag, brought forward by `late_s`.
+fn unlagged(b: &[C; 6], rate_rad_s: f64, sensor: &SixAxisSensor, late_s: f64) -> [C; 6] {
     let h = sensor_interface(sensor).at(rate_rad_s / TAU);
     let turn = C::new(0.0, rate_rad_s * late_s).exp() / h;
     b.map(|x| x * turn)
@@ -296,7 +353,7 @@ fn solve(
     swings: &[Swing],
     q_34: DQuat,
     gravity_4: DVec3,
-    sensor: &ForceSensor,
+    sensor: &SixAxisSensor,
 ) -> Result<Known, CalibrateError> {
     let turned: Vec<_> = swings.iter().map(|s| swing_rows(s, q_34, gravity_4)).collect();
     let n = 6 * still.len() + 12 * swings.len();
@@ -388,8 +445,8 @@ fn touch_skew<R: Rig, K: Clock>(
     let sine = Sine { about: place, dof, amplitude, hz, ramp_s: 1.0, steady_s };
     let s = swing(drive, &place, &sine, MULTIPLE)?;
     let rows = swing_rows(&s, place.q, gravity_4);
-    let b = unlagged(&s.b, s.rate_rad_s, &setup.sensor, late_s);
-    let a = unlagged(&s.a, s.rate_rad_s, &setup.sensor, late_s);
+    let b = unlagged(&s.b, s.rate_rad_s, &setup.sensors.force, late_s);
+    let a = unlagged(&s.a, s.rate_rad_s, &setup.sensors.force, late_s);
     let part = |x: &[C; 6], im: bool| {
         let x = x.map(|c| if im { c.im } else { c.re });
         wrench(&x)

@@ -10,13 +10,13 @@ use docktwin_control::{
     rig::{ClosedRig, RigSetup, SetupError, TICK_S},
 };
 use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
-use docktwin_model::{HydraulicPreset, Rig, RigSensors};
+use docktwin_model::{HydraulicPreset, Rig, RigSensors, SixAxisSensor};
 use docktwin_physics::{
     mechanism::{LatchPhase, RING, System},
     mounted::{Carried, Mounted, Payload},
     platform::Platform,
     rig::{ReducedRig, RigPlant},
-    sensor::{Noise, Sensor, SensorParameters, quantised},
+    sensor::{Noise, Pair, Sensor, SensorParameters, quantised},
 };
 
 use crate::{
@@ -24,8 +24,10 @@ use crate::{
     rig::Plant,
 };
 
-/// Streams of draws; the legs have 0 to 5, the rig 6; sensors A and B this one and the next.
+/// Streams of draws; the legs have 0 to 5, the rig 6; sensors A, B and the accelerometers this one and
+/// the next two.
 pub const SENSOR_STREAM: u64 = 16;
+/// Of noise: sensors A and B, legs, accelerometers.
 const NOISE_STREAM: u64 = 32;
 /// Time over which speeds are read off the length sensors, s.
 const SPEED_WINDOW_S: f64 = 0.004;
@@ -81,6 +83,7 @@ pub struct EmulatedRig<P = ReducedRig> {
     mounted: Mounted,
     touched: bool,
     sensors: [Sensor; 2],
+    accelerometer: Option<Sensor>,
     carried: OnSensors,
     model: RigSensors,
     noise: Noise,
@@ -150,21 +153,21 @@ impl<P: RigPlant> EmulatedRig<P> {
             on_b: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
         };
         let mounted = Mounted::new(system, rig, step_s);
-        let drawn = |i: u64| match built {
-            Some(seed) => SensorParameters::drawn(model.force, seed, SENSOR_STREAM + i),
-            None => SensorParameters::of_file(model.force),
-        };
         let still = Twist::default();
-        let weights = Self::weights(&carried, &mounted, &x_bp, &still, &still);
-        let sensor = |i: u64| {
-            let noise = Noise::new(seed, NOISE_STREAM + i);
-            Sensor::new(drawn(i), step_s, noise, weights[i as usize])
+        let felt = Self::felt(&carried, &mounted, &x_bp, &still, &still);
+        let sensor = |i: usize, file: SixAxisSensor, noise: u64| {
+            let as_built = built.map_or_else(
+                || SensorParameters::of_file(file),
+                |seed| SensorParameters::drawn(file, seed, SENSOR_STREAM + i as u64),
+            );
+            Sensor::new(as_built, step_s, Noise::new(seed, NOISE_STREAM + noise), felt[i])
         };
         Ok(Self {
             feedforward: setup.feedforward(),
             rig: rig.clone(),
             touched: false,
-            sensors: [sensor(0), sensor(1)],
+            sensors: [sensor(0, model.force, 0), sensor(1, model.force, 1)],
+            accelerometer: model.accelerometer.map(|file| sensor(2, file, 3)),
             carried,
             model,
             noise: Noise::new(seed, NOISE_STREAM + 2),
@@ -177,17 +180,20 @@ impl<P: RigPlant> EmulatedRig<P> {
         })
     }
 
-    /// What both sensors feel of weight and inertia; acceleration of the origin of `ep`, in `eb`.
-    fn weights(
+    /// What sensors A and B feel of weight and inertia, and what accelerometers beside B feel;
+    /// acceleration of the origin of `ep`, in `eb`.
+    fn felt(
         carried: &OnSensors,
         mounted: &Mounted,
         x_bp: &Pose,
         twist: &Twist,
         acceleration: &Twist,
-    ) -> [Wrench; 2] {
+    ) -> [Pair; 3] {
         let x_p4 = mounted.passive_mount();
-        let on_b = Carried::on_plate(x_bp, &x_p4, carried.gravity_m_s2, twist, acceleration);
-        [carried.on_a + mounted.ring_weight(), carried.on_b.wrench(&on_b)]
+        let at_b = Carried::on_plate(x_bp, &x_p4, carried.gravity_m_s2, twist, acceleration);
+        let pair = |w: Wrench| [w.f, w.m];
+        let on_a = carried.on_a + mounted.ring_weight();
+        [pair(on_a), pair(carried.on_b.wrench(&at_b)), at_b.feels()]
     }
 
     /// The mechanism.
@@ -290,7 +296,7 @@ impl<P: RigPlant> EmulatedRig<P> {
                 &held
             }
         };
-        let Self { closed, mounted, sensors, carried, middle, .. } = self;
+        let Self { closed, mounted, sensors, accelerometer, carried, middle, .. } = self;
         let step_s = closed.plant().step_s();
         let done = closed.tick(command, |x_bp, twist| {
             let (on_plate, ports) = mounted.advance(x_bp, twist);
@@ -300,9 +306,13 @@ impl<P: RigPlant> EmulatedRig<P> {
             let (new, old) = (slope(twist, &middle[0]), slope(&middle[0], &middle[1]));
             let acceleration = Twist { v: new.v * 1.5 - old.v * 0.5, w: new.w * 1.5 - old.w * 0.5 };
             *middle = [*twist, middle[0]];
-            let [a, b] = Self::weights(carried, mounted, x_bp, twist, &acceleration);
-            sensors[0].step(ports.port3 + a);
-            sensors[1].step(ports.port4 + b);
+            let [a, b, felt] = Self::felt(carried, mounted, x_bp, twist, &acceleration);
+            let [at_3, at_4] = [ports.port3, ports.port4];
+            sensors[0].step([at_3.f + a[0], at_3.m + a[1]]);
+            sensors[1].step([at_4.f + b[0], at_4.m + b[1]]);
+            if let Some(s) = accelerometer {
+                s.step(felt);
+            }
             on_plate
         });
         self.time_s += TICK_S;
@@ -341,13 +351,21 @@ impl<P: RigPlant> EmulatedRig<P> {
         }
         let [a, b] = &mut self.sensors;
         let (a, b) = (a.read(self.time_s), b.read(self.time_s));
-        m.sensor_a = six(a.wrench.f, a.wrench.m);
-        m.sensor_b = six(b.wrench.f, b.wrench.m);
+        m.sensor_a = six(a.value[0], a.value[1]);
+        m.sensor_b = six(b.value[0], b.value[1]);
         if a.saturated {
             m.status |= status::SENSOR_A_SATURATED;
         }
         if b.saturated {
             m.status |= status::SENSOR_B_SATURATED;
+        }
+        if let Some(s) = &mut self.accelerometer {
+            let felt = s.read(self.time_s);
+            m.plate_acceleration = six(felt.value[0], felt.value[1]);
+            m.status |= status::ACCELEROMETER;
+            if felt.saturated {
+                m.status |= status::ACCELEROMETER_SATURATED;
+            }
         }
         let margins = self.feedforward.platform().stroke_margins_m(&s.length_m);
         if margins.iter().any(|x| *x < 0.0) {
@@ -373,7 +391,7 @@ impl<P: RigPlant> EmulatedRig<P> {
         m.truth_port4 = six(ports.port4.f, ports.port4.m);
         let mut h = StateHasher::chained(self.closed.digest());
         self.mounted.hash_into(&mut h);
-        self.sensors.iter().for_each(|s| s.hash_into(&mut h));
+        self.sensors.iter().chain(&self.accelerometer).for_each(|s| s.hash_into(&mut h));
         m.state_digest = h.finish().short();
         m
     }

@@ -10,7 +10,7 @@ use docktwin_control::{
     one_sided::{FrequencyPoint, Interface},
 };
 use docktwin_core::Pose;
-use docktwin_model::ForceSensor;
+use docktwin_model::SixAxisSensor;
 use docktwin_physics::hydraulics::LegParameters;
 use nalgebra::Complex;
 
@@ -144,7 +144,7 @@ impl Identification {
     /// G_I = G_MSim · G_FSensor of (8) along one degree of freedom; `sensor` with its delay as
     /// calibrated.
     #[must_use]
-    pub fn interface(&self, dof: usize, sensor: &ForceSensor) -> Vec<FrequencyPoint> {
+    pub fn interface(&self, dof: usize, sensor: &SixAxisSensor) -> Vec<FrequencyPoint> {
         let s = sensor_interface(sensor);
         let of_dof = self.response.iter().filter(|p| p.dof == dof);
         of_dof.map(|p| FrequencyPoint { hz: p.hz, response: p.gain * s.at(p.hz) }).collect()
@@ -153,7 +153,7 @@ impl Identification {
     /// The lead that undoes the interface, s: its lag by phase in the middle of the band, mean of
     /// the degrees of freedom measured; without any, delay and sensor.
     #[must_use]
-    pub fn lead_s(&self, sensor: &ForceSensor) -> f64 {
+    pub fn lead_s(&self, sensor: &SixAxisSensor) -> f64 {
         let s = sensor_interface(sensor);
         let lags: Vec<f64> = (0..6)
             .filter_map(|dof| {
@@ -182,7 +182,7 @@ pub fn polar(gain: f64, phase_rad: f64) -> Complex<f64> {
 
 /// A force sensor as part of the interface.
 #[must_use]
-pub fn sensor_interface(sensor: &ForceSensor) -> Interface {
+pub fn sensor_interface(sensor: &SixAxisSensor) -> Interface {
     Interface::second_order(sensor.natural_frequency_hz, sensor.damping_ratio, sensor.delay_s)
 }
 

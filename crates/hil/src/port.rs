@@ -18,7 +18,7 @@ use crate::{clock::Clock, scheduler::LegCorrections};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Version of both structures. A peer of another version is refused.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 
 /// Shortest and longest period of a loop, ns.
 const PERIODS_NS: core::ops::RangeInclusive<u64> = 10_000..=1_000_000_000;
@@ -86,6 +86,10 @@ pub mod status {
     /// Answers no command: what a rig in its safe state goes on telling to onlookers. `tick` is that
     /// of the last command answered; the loop passes over it.
     pub const UNASKED: u32 = 1 << 8;
+    /// `plate_acceleration` holds: there are accelerometers on the plate.
+    pub const ACCELEROMETER: u32 = 1 << 9;
+    /// They are at the end of their range.
+    pub const ACCELEROMETER_SATURATED: u32 = 1 << 10;
 }
 
 /// From the loop to the rig, once a tick.
@@ -93,7 +97,7 @@ pub mod status {
 /// The type name is part of the protocol: peers in other languages join under it.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("DocktwinRigCommandV1")]
+#[type_name("DocktwinRigCommandV2")]
 pub struct RigCommand {
     /// [`PROTOCOL_VERSION`].
     pub protocol_version: u32,
@@ -137,7 +141,7 @@ pub struct RigCommand {
 /// From the rig to the loop, once a tick.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("DocktwinRigMeasurementV1")]
+#[type_name("DocktwinRigMeasurementV2")]
 pub struct RigMeasurement {
     /// [`PROTOCOL_VERSION`].
     pub protocol_version: u32,
@@ -167,6 +171,9 @@ pub struct RigMeasurement {
     pub sensor_a: [f64; 6],
     /// Sensor B, on the moving plate.
     pub sensor_b: [f64; 6],
+    /// Accelerometers on the plate: specific force (m/s², acceleration less gravity) at the origin of
+    /// sensor B and angular acceleration (rad/s²), in its axes.
+    pub plate_acceleration: [f64; 6],
     /// What the mechanism's own sensors say: phases of the three latches (0 free, 1 approach, 2
     /// struck, 3 latched), displacement of the ring from rest (m, axes of `e3`), its rotation vector
     /// (rad), and 1 when the rings are joined. Zero where there are no such sensors.
@@ -305,6 +312,7 @@ impl RigMeasurement {
             valve_spool: [0.0; 6],
             sensor_a: [0.0; 6],
             sensor_b: [0.0; 6],
+            plate_acceleration: [0.0; 6],
             mechanism: [0.0; 10],
             temperature_c: [0.0; 8],
             truth_position_m: [0.0; 3],
@@ -321,6 +329,13 @@ impl RigMeasurement {
         self.status & mask == mask
     }
 
+    /// What the accelerometers feel: specific force (m/s²) and angular acceleration (rad/s²).
+    #[must_use]
+    pub fn felt(&self) -> Option<[DVec3; 2]> {
+        let [x, y, z, a, b, c] = self.plate_acceleration;
+        self.has(status::ACCELEROMETER).then(|| [DVec3::new(x, y, z), DVec3::new(a, b, c)])
+    }
+
     /// True when no number is infinite or not a number; truths count where they hold.
     #[must_use]
     pub fn is_finite(&self) -> bool {
@@ -331,6 +346,7 @@ impl RigMeasurement {
             &self.valve_spool,
             &self.sensor_a,
             &self.sensor_b,
+            &self.plate_acceleration,
         ];
         let measured =
             measured.into_iter().flatten().chain(&self.mechanism).chain(&self.temperature_c);

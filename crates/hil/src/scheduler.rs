@@ -17,7 +17,7 @@ use docktwin_control::{
     feedforward::{Feedforward, PlateMotion},
     planner::{Move, RunUp},
     safety::{Limit, SafetyLimits, Supervisor, Trip, Watched, half_widths},
-    sensing::{Conditioning, SensorScheme},
+    sensing::{Conditioning, Readings, SensorScheme},
 };
 use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::Rig as RigModel;
@@ -57,10 +57,14 @@ pub struct LoopSetup {
     pub scheme: SensorScheme,
     /// What sensor B carries, as believed.
     pub payload: Payload,
+    /// Mass of the ring, which sensor A feels where the mechanism says it is, kg; 0 where none moves.
+    pub ring_mass_kg: f64,
     /// From the instant a command is for to the instant at which sensor B reads what the plate does
     /// then, s: delay of the plate and lag of the sensor. Weight and inertia of what the sensor carries
-    /// are taken off with it.
+    /// are taken off with it where the plate has no accelerometers.
     pub interface_delay_s: f64,
+    /// Lag of sensor B less that of the accelerometers, s.
+    pub accelerometers_ahead_s: f64,
     /// What ends the run.
     pub limits: SafetyLimits,
     /// Times and speeds of the way to the initial condition.
@@ -245,7 +249,9 @@ pub struct Running {
     last_ports: Ports,
     without: u32,
     /// Measurements in a row that repeat the one before, of sensors A and B.
-    frozen: [u32; 2],
+    frozen: [u32; 3],
+    /// What the accelerometers felt, newest first.
+    felt: Option<[[DVec3; 2]; FELT]>,
     x_bp: Pose,
     commanded: Pose,
     /// Plate motions commanded for the last ticks, for what sensor B carries.
@@ -272,6 +278,8 @@ pub struct Stopped {
 
 /// Most ticks by which commands can be held back.
 pub const MOST_ADDED: usize = 30;
+/// Readings of the accelerometers kept.
+const FELT: usize = 4;
 /// Commanded motions kept.
 const PAST: usize = 32;
 /// Time over which the measured wrenches come in after closing, s.
@@ -502,11 +510,14 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
         };
         let x_bp = self.platform.plate_from_docking(from);
         // Good enough to watch the loads on the way to the tare.
-        let mut conditioning = Conditioning::new(s.scheme, s.payload);
+        let q3 = (s.rig.x_b0 * s.rig.x_03).q.conjugate();
+        let ring_weight = q3 * s.rig.gravity_m_s2 * s.ring_mass_kg;
+        let mut conditioning = Conditioning::new(s.scheme, s.payload, ring_weight);
         let q4 = (x_bp * s.rig.x_4p.inverse()).q.conjugate();
-        let carried = Carried { gravity: q4 * s.rig.gravity_m_s2, ..Carried::default() };
+        let still = Carried { gravity: q4 * s.rig.gravity_m_s2, ..Carried::default() };
         for m in samples {
-            conditioning.tare_sample(&wrench(&m.sensor_a), &wrench(&m.sensor_b), &carried);
+            let carried = m.felt().map_or(still, |[v, w]| Carried::felt(v, w, DVec3::ZERO));
+            conditioning.tare_sample(&readings(m), &carried);
         }
         conditioning.tare();
         Running {
@@ -520,7 +531,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             last: RigMeasurement::zero(),
             last_ports: Ports::default(),
             without: 0,
-            frozen: [0; 2],
+            frozen: [0; 3],
+            felt: samples.last().and_then(RigMeasurement::felt).map(|x| [x; FELT]),
             x_bp,
             commanded: x_bp,
             past: [PlateMotion::rest(x_bp); PAST],
@@ -582,7 +594,30 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             check(name, passed, found);
         }
         let found = self.platform.forward(&last.leg_length_m, &self.platform.middle());
-        let from = found.ok().map(|f| self.platform.docking_from_plate(&f.x_bp));
+        let x_bp = found.ok().map(|f| f.x_bp);
+        if let (Some([felt, _]), Some(x_bp)) = (last.felt(), x_bp) {
+            let rig = &self.setup.rig;
+            let q4 = (x_bp * rig.x_4p.inverse()).q;
+            let off = (felt + q4.conjugate() * rig.gravity_m_s2).length();
+            let alive = samples.iter().any(|m| m.felt() != last.felt());
+            let (passed, found) = if last.has(status::ACCELEROMETER_SATURATED) {
+                (false, "saturated: see that nothing strikes the plate".to_owned())
+            } else if !alive {
+                (false, "the same to the last bit in every sample: not alive".to_owned())
+            } else if off > WEIGHTLESS_M_S2 {
+                (false, format!("off the weight at rest by {off:.2} m/s2: see their axes"))
+            } else {
+                (true, format!("alive, off the weight at rest by {off:.3} m/s2"))
+            };
+            check("accelerometers", passed, found);
+        }
+        let fitted = self.setup.rig.sensors.is_some_and(|s| s.accelerometer.is_some());
+        if fitted && !last.has(status::ACCELEROMETER) {
+            let needed = self.setup.scheme == SensorScheme::Two;
+            let found = "in the rig's file, but the rig does not tell what they feel".to_owned();
+            check("accelerometers", !needed, found);
+        }
+        let from = x_bp.map(|x| self.platform.docking_from_plate(&x));
         let margin = least(&self.platform.stroke_margins_m(&last.leg_length_m));
         let (passed, found) = match &from {
             None => {
@@ -613,8 +648,16 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
 
 /// Ticks looked at before arming, idle and holding.
 const IDLE_TICKS: usize = 20;
+/// Most that accelerometers at rest may be off what they should feel, m/s²: far above their zero, far
+/// below a wrong axis.
+const WEIGHTLESS_M_S2: f64 = 0.5;
 /// Ticks without an answer before a rig counts as gone.
 const IDLE_PATIENCE: u64 = 200;
+
+fn readings(m: &RigMeasurement) -> Readings {
+    let (a, b) = (wrench(&m.sensor_a), wrench(&m.sensor_b));
+    Readings { a, b, ring: DVec3::from_slice(&m.mechanism[3..6]) }
+}
 
 fn norm3(x: &[f64; 6]) -> f64 {
     (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt()
@@ -779,8 +822,18 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
     /// it is judged, and the bodies do without it.
     fn take(&mut self, m: &RigMeasurement) -> bool {
         let s = &mut self.state;
-        let same =
-            [same_bits(&m.sensor_a, &s.last.sensor_a), same_bits(&m.sensor_b, &s.last.sensor_b)];
+        let felt = m.felt();
+        if let (Some(past), Some(new)) = (&mut s.felt, felt) {
+            past.rotate_right(1);
+            past[0] = new;
+        }
+        // Accelerometers that were there at arming and are gone are as good as frozen.
+        let gone = felt.is_none() || same_bits(&m.plate_acceleration, &s.last.plate_acceleration);
+        let same = [
+            same_bits(&m.sensor_a, &s.last.sensor_a),
+            same_bits(&m.sensor_b, &s.last.sensor_b),
+            s.felt.is_some() && gone,
+        ];
         for (ticks, same) in s.frozen.iter_mut().zip(same) {
             *ticks = if same { *ticks + 1 } else { 0 };
         }
@@ -789,8 +842,23 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         found.map(|f| s.x_bp = f.x_bp).is_ok()
     }
 
-    /// The plate as commanded, when it should be where it is measured now.
+    /// What sensor B did at the instant that its reading is of: as the accelerometers felt it, and as
+    /// commanded where there are none.
     fn carried(&self) -> Carried {
+        let asked = self.asked();
+        let Some(felt) = &self.state.felt else { return asked };
+        // A reading later than that of B is carried on.
+        let back =
+            (self.setup.accelerometers_ahead_s / self.period_s()).clamp(-1.0, (FELT - 1) as f64);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2")]
+        let whole = (back.max(0.0) as usize).min(FELT - 2);
+        let part = back - whole as f64;
+        let at = |i: usize| felt[whole][i] * (1.0 - part) + felt[whole + 1][i] * part;
+        Carried::felt(at(0), at(1), asked.rate)
+    }
+
+    /// The plate as commanded, when it should be where it is measured now.
+    fn asked(&self) -> Carried {
         // The newest command is of the present instant; the plate is where it was asked to be this
         // much earlier.
         let s = &self.state;
@@ -813,13 +881,12 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
     fn condition(&mut self, fresh: bool, x_34: &Pose) -> Ports {
         if fresh {
             let carried = self.carried();
-            let m = &self.state.last;
-            let (a, b) = (wrench(&m.sensor_a), wrench(&m.sensor_b));
+            let read = readings(&self.state.last);
             let half = self.ticks(0.5 * self.setup.approach.settle_s);
             if self.state.phase == Phase::Settle && self.state.since >= half {
-                self.state.conditioning.tare_sample(&a, &b, &carried);
+                self.state.conditioning.tare_sample(&read, &carried);
             }
-            self.state.last_ports = self.state.conditioning.ports(&a, &b, x_34, &carried);
+            self.state.last_ports = self.state.conditioning.ports(&read, x_34, &carried);
         }
         self.state.last_ports
     }
@@ -907,6 +974,15 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         out
     }
 
+    /// Bits of sensors that are at the end of their range.
+    const fn saturated(&self) -> u32 {
+        let force = status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED;
+        match self.setup.scheme {
+            SensorScheme::Single => force,
+            SensorScheme::Two => force | status::ACCELEROMETER_SATURATED,
+        }
+    }
+
     fn judge(&mut self, ports: &Ports, x_34: &Pose, command: &RigCommand) -> Option<Trip> {
         let s = &self.state;
         let m = &s.last;
@@ -956,8 +1032,8 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
                     || m.has(status::EMERGENCY_STOP)
                     || m.has(status::LIMIT_SWITCH)
                     || !m.has(status::ENABLED)),
-            saturated: m.status & (status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED) != 0,
-            ticks_frozen: s.frozen[0].max(s.frozen[1]),
+            saturated: m.status & self.saturated() != 0,
+            ticks_frozen: s.frozen.into_iter().fold(0, u32::max),
         };
         self.state.supervisor.judge(&watched, self.tick)
     }

@@ -20,6 +20,7 @@ use docktwin_physics::{
 };
 
 use crate::{
+    calibrate::accelerometers_ahead_s,
     clock::Clock,
     port::status,
     rig::{Rig, RigError},
@@ -395,7 +396,9 @@ impl VibroTest {
             added_ticks: 0,
             scheme: s.scheme,
             payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+            ring_mass_kg: self.system.ring_mass_kg(),
             interface_delay_s: believed_delays_s(rig).iter().sum(),
+            accelerometers_ahead_s: rig.sensors.as_ref().map_or(0.0, accelerometers_ahead_s),
             limits: SafetyLimits::of_rig(rig, LOAD_LIMIT, LOAD_LIMIT),
             approach: Approach {
                 speed_m_s: 0.05,

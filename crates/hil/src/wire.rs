@@ -83,8 +83,8 @@ wire!(RigCommand: protocol_version, mode, flags, reserved, session, tick, loop_t
 
 wire!(RigMeasurement: protocol_version, status, refusal, reserved, session, tick, stamp_ns,
     state_digest, leg_length_m, leg_speed_m_s, leg_force_n, valve_spool, sensor_a, sensor_b,
-    mechanism, temperature_c, truth_position_m, truth_attitude, truth_twist, truth_port3,
-    truth_port4);
+    plate_acceleration, mechanism, temperature_c, truth_position_m, truth_attitude, truth_twist,
+    truth_port3, truth_port4);
 
 #[cfg(test)]
 mod tests {

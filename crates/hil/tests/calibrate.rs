@@ -10,13 +10,16 @@ use docktwin_hil::{
 use docktwin_physics::{mechanism::System, sensor::SensorParameters};
 use stand::{Stand, body, free_stick, stick};
 
-fn sensors(stand: &Stand, seed: u64) -> [SensorParameters; 2] {
-    let file = stand.rig.sensors.expect("as the model says").force;
-    [0, 1].map(|i| SensorParameters::drawn(file, seed, SENSOR_STREAM + i))
+/// A, B and the accelerometers.
+fn sensors(stand: &Stand, seed: u64) -> [SensorParameters; 3] {
+    let file = stand.rig.sensors.expect("as the model says");
+    let felt = file.accelerometer.expect("as the model says");
+    [(file.force, 0), (file.force, 1), (felt, 2)]
+        .map(|(file, i)| SensorParameters::drawn(file, seed, SENSOR_STREAM + i))
 }
 
 fn calibrated(stand: &Stand, touch: bool) -> Calibration {
-    let file = stand.rig.sensors.expect("as the model says").force;
+    let file = stand.rig.sensors.expect("as the model says");
     let mut setup = CalibrateSetup::at(stand.middle(), file);
     let mut system = free_stick();
     if touch {
@@ -31,7 +34,7 @@ fn calibrated(stand: &Stand, touch: bool) -> Calibration {
 }
 
 fn judge(stand: &Stand, found: &Calibration, seed: u64) {
-    let [a, b] = sensors(stand, seed);
+    let [a, b, felt] = sensors(stand, seed);
     let truth = stand.payload();
     let (p, t) = (&found.payload, &truth);
     println!(
@@ -47,8 +50,11 @@ fn judge(stand: &Stand, found: &Calibration, seed: u64) {
         found.rest,
     );
     println!("   inertia {} for {}", p.inertia_kg_m2, t.inertia_kg_m2);
-    println!("   zero {:?} off {}", b.zero, (found.zero_b.f - b.zero.f));
+    println!("   zero {:?} off {}", b.zero, (found.zero_b.f - b.zero[0]));
     assert!((found.delay_s[1].expect("as the model says") - b.model.delay_s).abs() < 5e-5);
+    let late = found.accelerometer_delay_s.expect("as the model says") - felt.model.delay_s;
+    println!("   accelerometers {:+.1} us off", late * 1e6);
+    assert!(late.abs() < 5e-5);
     if let Some(late) = found.delay_s[0] {
         println!("   A is {:+.1} us off", (late - a.model.delay_s) * 1e6);
         assert!((late - a.model.delay_s).abs() < 5e-5);
@@ -58,7 +64,7 @@ fn judge(stand: &Stand, found: &Calibration, seed: u64) {
     for (x, y) in p.inertia_kg_m2.to_cols_array().iter().zip(t.inertia_kg_m2.to_cols_array()) {
         assert!((x - y).abs() < 0.6);
     }
-    assert!((found.zero_b.f - b.zero.f).length() < 5.0);
+    assert!((found.zero_b.f - b.zero[0]).length() < 5.0);
 }
 
 /// Acceptance: skew of force against position ±50 µs; payload as it is.

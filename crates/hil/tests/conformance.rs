@@ -445,7 +445,7 @@ mod other_types {
     /// Right name, one number short.
     #[derive(Clone, Copy, Debug, ZeroCopySend)]
     #[repr(C)]
-    #[type_name("DocktwinRigCommandV1")]
+    #[type_name("DocktwinRigCommandV2")]
     struct Truncated([u64; 38]);
 
     /// Right size, another name.

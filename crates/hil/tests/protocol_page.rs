@@ -89,7 +89,7 @@ fn invariant_the_page_gives_every_byte_of_a_command() {
 fn invariant_the_page_gives_every_byte_of_a_measurement() {
     let layout: Vec<Field> = layout!(RigMeasurement::zero(), RigMeasurement:
         protocol_version, status, refusal, reserved, session, tick, stamp_ns, state_digest,
-        leg_length_m, leg_speed_m_s, leg_force_n, valve_spool, sensor_a, sensor_b, mechanism,
+        leg_length_m, leg_speed_m_s, leg_force_n, valve_spool, sensor_a, sensor_b, plate_acceleration, mechanism,
         temperature_c, truth_position_m, truth_attitude, truth_twist, truth_port3, truth_port4);
     let page = page();
     assert_eq!(fields(section(&page, "### RigMeasurement")), layout);
@@ -189,6 +189,8 @@ fn invariant_the_page_names_every_mode_refusal_and_bit() {
         (status::REFUSED, "refused"),
         (status::TRUTH, "truth_"),
         (status::UNASKED, "unasked"),
+        (status::ACCELEROMETER, "accelerometers"),
+        (status::ACCELEROMETER_SATURATED, "end of their range"),
     ];
     assert_eq!(bits.len(), expected.len());
     for (row, (mask, word)) in bits.iter().zip(expected) {

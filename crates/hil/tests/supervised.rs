@@ -88,7 +88,7 @@ fn invariant_every_shortfall_is_refused_with_a_line_of_its_own() {
         .find(|l| platform.stroke_margins_m(l).iter().any(|x| *x < 0.01))
         .expect("an end of the stroke");
     type Case<'a> = (&'a str, &'a str, Box<dyn Fn(&mut RigMeasurement) + 'a>);
-    let cases: [Case<'_>; 12] = [
+    let cases: [Case<'_>; 15] = [
         ("rig", "switch the hydraulics on", Box::new(|m| m.status &= !status::ENABLED)),
         ("rig", "clear its fault", Box::new(|m| m.status |= status::SAFE_STATE)),
         ("emergency stop", "release it", Box::new(|m| m.status |= status::EMERGENCY_STOP)),
@@ -97,6 +97,17 @@ fn invariant_every_shortfall_is_refused_with_a_line_of_its_own() {
         ("sensor B", "charge amplifier", Box::new(|m| m.status |= status::SENSOR_B_SATURATED)),
         ("sensor A", "not alive", Box::new(|m| m.sensor_a = [1.0; 6])),
         ("sensor B", "not alive", Box::new(|m| m.sensor_b = [0.0; 6])),
+        (
+            "accelerometers",
+            "strikes the plate",
+            Box::new(|m| m.status |= status::ACCELEROMETER_SATURATED),
+        ),
+        (
+            "accelerometers",
+            "not alive",
+            Box::new(|m| m.plate_acceleration = [9.81, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ),
+        ("accelerometers", "see their axes", Box::new(|m| m.plate_acceleration[0] *= -1.0)),
         ("position", "length sensors", Box::new(|m| m.leg_length_m = [0.0; 6])),
         ("position", "length sensors", Box::new(|m| m.leg_length_m = torn)),
         ("position", "half-widths", Box::new(|m| m.leg_length_m = outside)),
@@ -345,7 +356,7 @@ fn invariant_every_fault_of_the_rig_ends_the_run() {
     let (torn, outside) = (torn(&m), drawn_down(&m, 0.55));
     let held = good.records.iter().find(|r| r.measurement.tick == at).expect("there").measurement;
     type Case<'a> = (Limit, &'a str, Box<dyn Fn(&mut RigMeasurement) + 'a>);
-    let cases: [Case<'_>; 16] = [
+    let cases: [Case<'_>; 18] = [
         (Limit::Rig, "safe state", Box::new(|m| m.status |= status::SAFE_STATE)),
         (Limit::Rig, "emergency stop", Box::new(|m| m.status |= status::EMERGENCY_STOP)),
         (Limit::Rig, "limit switch", Box::new(|m| m.status |= status::LIMIT_SWITCH)),
@@ -359,6 +370,12 @@ fn invariant_every_fault_of_the_rig_ends_the_run() {
         (Limit::Saturated, "sensor B", Box::new(|m| m.status |= status::SENSOR_B_SATURATED)),
         (Limit::Frozen, "sensor A frozen", Box::new(|m| m.sensor_a = held.sensor_a)),
         (Limit::Frozen, "sensor B frozen", Box::new(|m| m.sensor_b = held.sensor_b)),
+        (
+            Limit::Frozen,
+            "accelerometers frozen",
+            Box::new(|m| m.plate_acceleration = held.plate_acceleration),
+        ),
+        (Limit::Frozen, "accelerometers gone", Box::new(|m| m.status &= !status::ACCELEROMETER)),
         (
             Limit::Tracking,
             "length sensors slip",

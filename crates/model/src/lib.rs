@@ -32,8 +32,8 @@ pub use mechanism::{
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{
-    DeadZoneLaw, DockingWorkspace, ForceSensor, HydraulicPreset, Hydraulics, Leg, LegHydraulics,
-    LegLimits, LegPart, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve,
+    DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegHydraulics, LegLimits,
+    LegPart, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor,
     Spread,
 };
 pub use spacecraft::{Spacecraft, SpacecraftHull};

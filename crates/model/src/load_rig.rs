@@ -10,8 +10,8 @@ use crate::rig_check;
 use crate::toml_check::{Checker, Range, Table};
 use crate::urdf::{self, UrdfTree};
 use crate::{
-    DeadZoneLaw, DockingWorkspace, ForceSensor, HydraulicPreset, Hydraulics, Leg, LegLimits,
-    LegPart, OilVolume, Rig, RigSensors, RigidMass, SealFriction, ServoValve, Spread,
+    DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegLimits, LegPart, OilVolume,
+    Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor, Spread,
 };
 
 /// How well poses and axes of the tree must agree with the closures, m and rad: what is lost when
@@ -239,10 +239,22 @@ fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
 
 fn read_sensors(t: &Table<'_, '_>) -> RigSensors {
     let pair = |s: &Table<'_, '_>, key: &'static str| s.noted_list(key, Range::within(0.0, 1e7));
+    // What sensors of both kinds have.
+    let common = |s: &Table<'_, '_>| SixAxisSensor {
+        natural_frequency_hz: s.noted("natural_frequency_hz", Range::within(10.0, 1e5)),
+        damping_ratio: s.noted("damping_ratio", Range::within(0.01, 2.0)),
+        delay_s: s.noted("delay_s", Range::within(0.0, 0.005)),
+        delay_spread_s: s.noted("delay_spread_s", Range::within(0.0, 0.005)),
+        noise: [0.0; 2],
+        drift_per_s: [0.0; 2],
+        dead_zone: [0.0; 2],
+        dead_zone_law: DeadZoneLaw::Zeroing,
+        quantum: [0.0; 2],
+        range: [0.0; 2],
+        zero_spread: [0.0; 2],
+    };
     RigSensors {
-        force: t.section("force", |s| ForceSensor {
-            natural_frequency_hz: s.noted("natural_frequency_hz", Range::within(10.0, 1e5)),
-            damping_ratio: s.noted("damping_ratio", Range::within(0.01, 2.0)),
+        force: t.section("force", |s| SixAxisSensor {
             noise: pair(s, "noise_n_nm"),
             drift_per_s: pair(s, "drift_per_s_n_nm"),
             dead_zone: pair(s, "dead_zone_n_nm"),
@@ -251,9 +263,15 @@ fn read_sensors(t: &Table<'_, '_>) -> RigSensors {
                 .unwrap_or(DeadZoneLaw::Zeroing),
             quantum: pair(s, "quantum_n_nm"),
             range: pair(s, "range_n_nm"),
-            delay_s: s.noted("delay_s", Range::within(0.0, 0.005)),
-            delay_spread_s: s.noted("delay_spread_s", Range::within(0.0, 0.005)),
             zero_spread: pair(s, "zero_spread_n_nm"),
+            ..common(s)
+        }),
+        accelerometer: t.optional_section("accelerometer", |s| SixAxisSensor {
+            noise: pair(s, "noise_m_s2_rad_s2"),
+            quantum: pair(s, "quantum_m_s2_rad_s2"),
+            range: pair(s, "range_m_s2_rad_s2"),
+            zero_spread: pair(s, "zero_spread_m_s2_rad_s2"),
+            ..common(s)
         }),
         length_noise_m: t.noted("length_noise_m", Range::within(0.0, 0.01)),
         length_quantum_m: t.noted("length_quantum_m", Range::within(0.0, 0.01)),

@@ -391,7 +391,10 @@ pub struct SealFriction {
 pub struct RigSensors {
     /// Both force–torque sensors: A on the rack, at the origin of `e3`, with its axes; B on the plate,
     /// at the origin of `e4`, with its axes.
-    pub force: ForceSensor,
+    pub force: SixAxisSensor,
+    /// Accelerometers on the plate: specific force (m/s², acceleration less gravity) at the origin of
+    /// `e4` and angular acceleration (rad/s²), in its axes. Not every rig has them.
+    pub accelerometer: Option<SixAxisSensor>,
     /// Standard deviation of the length sensors' noise, m.
     pub length_noise_m: f64,
     /// Step of the length sensors, m.
@@ -400,9 +403,10 @@ pub struct RigSensors {
     pub pressure_noise_n: f64,
 }
 
-/// A six-axis piezoelectric sensor; pairs are of force (N) and moment (N·m).
+/// A sensor of six axes; pairs are of force (N) and moment (N·m), or of specific force (m/s²) and
+/// angular acceleration (rad/s²).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ForceSensor {
+pub struct SixAxisSensor {
     /// Natural frequency, Hz.
     pub natural_frequency_hz: f64,
     /// Damping ratio.
@@ -419,7 +423,7 @@ pub struct ForceSensor {
     pub quantum: [f64; 2],
     /// End of the range.
     pub range: [f64; 2],
-    /// From force to reading, beside the sensor's own lag, s; at most 5 ms.
+    /// From what is felt to the reading, beside the sensor's own lag, s; at most 5 ms.
     pub delay_s: f64,
     /// Half-width by which the delay of an emulated sensor is drawn, s.
     pub delay_spread_s: f64,

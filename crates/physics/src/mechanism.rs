@@ -301,6 +301,12 @@ impl System {
         self.rigid
     }
 
+    /// Mass of the moving ring, kg; 0 where it is part of the chaser.
+    #[must_use]
+    pub fn ring_mass_kg(&self) -> f64 {
+        if self.rigid { 0.0 } else { self.mass()[RING].mass() }
+    }
+
     /// Pose of the ring's mass-centre frame for a rigid ring.
     #[must_use]
     pub fn rigid_ring_pose(&self, x_wc: Pose) -> Pose {

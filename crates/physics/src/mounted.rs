@@ -50,6 +50,21 @@ impl Carried {
     }
 }
 
+impl Carried {
+    /// By accelerometers: they feel acceleration less gravity, which is what bodies resist too.
+    #[must_use]
+    pub fn felt(specific_force: DVec3, angular_acceleration: DVec3, rate: DVec3) -> Self {
+        let acceleration = Twist { v: specific_force, w: angular_acceleration };
+        Self { gravity: DVec3::ZERO, rate, acceleration }
+    }
+
+    /// What accelerometers feel there: specific force (m/s²) and angular acceleration (rad/s²).
+    #[must_use]
+    pub fn feels(&self) -> [DVec3; 2] {
+        [self.acceleration.v - self.gravity, self.acceleration.w]
+    }
+}
+
 /// Weight and inertia of what a sensor carries, seen from the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Payload {

@@ -1,10 +1,11 @@
-//! The six-axis force–torque sensors of the rig (§5), and what noise is made of.
+//! The six-axis sensors of the rig, force–torque (§5) and accelerometers, and what noise is made of.
 //!
-//! From the wrench on the sensor to its reading: delay, second-order lag, zero and drift, noise, dead
+//! A value is a pair of vectors: force (N) and moment (N·m), or specific force (m/s²) and angular
+//! acceleration (rad/s²). From what a sensor feels to its reading: delay, second-order lag, zero and drift, noise, dead
 //! zone, quantisation, saturation, in this order.
 
-use docktwin_core::{DVec3, StateHasher, Wrench};
-use docktwin_model::{DeadZoneLaw, ForceSensor};
+use docktwin_core::{DVec3, StateHasher};
+use docktwin_model::{DeadZoneLaw, SixAxisSensor};
 
 use crate::hydraulics::{Draws, SecondOrder};
 
@@ -40,6 +41,9 @@ impl Noise {
     }
 }
 
+/// Along and about three axes.
+pub type Pair = [DVec3; 2];
+
 /// Rounds to whole steps of `quantum`; 0 leaves the value.
 #[must_use]
 pub fn quantised(x: f64, quantum: f64) -> f64 {
@@ -50,27 +54,27 @@ pub fn quantised(x: f64, quantum: f64) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorParameters {
     /// What the file says, the delay as drawn.
-    pub model: ForceSensor,
-    /// Zero before taring: force, N, and moment, N·m, about each axis.
-    pub zero: Wrench,
+    pub model: SixAxisSensor,
+    /// Zero before taring, along and about each axis.
+    pub zero: Pair,
 }
 
 impl SensorParameters {
     /// As the file says, with a perfect zero.
     #[must_use]
-    pub const fn of_file(model: ForceSensor) -> Self {
-        Self { model, zero: Wrench::ZERO }
+    pub const fn of_file(model: SixAxisSensor) -> Self {
+        Self { model, zero: [DVec3::ZERO; 2] }
     }
 
     /// Drawn within the file's spread.
     #[must_use]
-    pub fn drawn(model: ForceSensor, seed: u64, stream: u64) -> Self {
+    pub fn drawn(model: SixAxisSensor, seed: u64, stream: u64) -> Self {
         let mut draws = Draws::new(seed, stream);
         let mut out = Self::of_file(model);
         out.model.delay_s = (model.delay_s + model.delay_spread_s * draws.uniform()).max(0.0);
         let mut zero =
             |half: f64| DVec3::new(draws.uniform(), draws.uniform(), draws.uniform()) * half;
-        out.zero = Wrench { f: zero(model.zero_spread[0]), m: zero(model.zero_spread[1]) };
+        out.zero = model.zero_spread.map(&mut zero);
         out
     }
 }
@@ -81,60 +85,56 @@ pub struct Sensor {
     parameters: SensorParameters,
     lag: SecondOrder,
     step_s: f64,
-    /// Wrenches of the last steps; the one of step `n` stands at `n % KEPT`.
-    past: [Wrench; KEPT],
+    /// What was felt in the last steps; that of step `n` stands at `n % KEPT`.
+    past: [Pair; KEPT],
     steps: u64,
     /// Reading before everything that is added, and its rate.
-    value: Wrench,
-    rate: Wrench,
+    value: Pair,
+    rate: Pair,
     noise: Noise,
 }
 
 /// What a sensor says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// Force, N, and moment, N·m, in the sensor's axes.
-    pub wrench: Wrench,
+    /// In the sensor's axes.
+    pub value: Pair,
     /// At the end of the range.
     pub saturated: bool,
 }
 
 impl Sensor {
-    /// A sensor that has felt `wrench` for long. Steps of `step_s` seconds; a delay beyond 60 of
+    /// A sensor that has felt `value` for long. Steps of `step_s` seconds; a delay beyond 60 of
     /// them is cut there.
     #[must_use]
-    pub fn new(parameters: SensorParameters, step_s: f64, noise: Noise, wrench: Wrench) -> Self {
+    pub fn new(parameters: SensorParameters, step_s: f64, noise: Noise, value: Pair) -> Self {
         let m = &parameters.model;
         Self {
             lag: SecondOrder::new(m.natural_frequency_hz, m.damping_ratio, step_s),
             parameters,
             step_s,
-            past: [wrench; KEPT],
+            past: [value; KEPT],
             steps: KEPT as u64,
-            value: wrench,
-            rate: Wrench::ZERO,
+            value,
+            rate: [DVec3::ZERO; 2],
             noise,
         }
     }
 
-    /// One step under `wrench`, the mean over it.
-    pub fn step(&mut self, wrench: Wrench) {
-        self.past[(self.steps % KEPT as u64) as usize] = wrench;
+    /// One step under `felt`, the mean over it.
+    pub fn step(&mut self, felt: Pair) {
+        self.past[(self.steps % KEPT as u64) as usize] = felt;
         self.steps += 1;
-        // Between two kept steps the wrench goes on straight.
+        // Between two kept steps it goes on straight.
         let back = (self.parameters.model.delay_s / self.step_s).min((KEPT - 4) as f64);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 60")]
         let whole = back as u64;
         let part = back - back.floor();
         let at = |n: u64| self.past[((self.steps - 1 - n) % KEPT as u64) as usize];
         let (late, later) = (at(whole), at(whole + 1));
-        let mix = |a: DVec3, b: DVec3| a * (1.0 - part) + b * part;
-        let input = Wrench { f: mix(late.f, later.f), m: mix(late.m, later.m) };
-        for (y, r, u) in [
-            (&mut self.value.f, &mut self.rate.f, input.f),
-            (&mut self.value.m, &mut self.rate.m, input.m),
-        ] {
-            (*y, *r) = self.lag.step(*y, *r, u);
+        for i in 0..2 {
+            let input = late[i] * (1.0 - part) + later[i] * part;
+            (self.value[i], self.rate[i]) = self.lag.step(self.value[i], self.rate[i], input);
         }
     }
 
@@ -162,17 +162,13 @@ impl Sensor {
             saturated |= out.abs().max_element() >= p.model.range[i];
             out
         };
-        let wrench =
-            Wrench { f: part(self.value.f, p.zero.f, 0), m: part(self.value.m, p.zero.m, 1) };
-        Reading { wrench, saturated }
+        let value = [part(self.value[0], p.zero[0], 0), part(self.value[1], p.zero[1], 1)];
+        Reading { value, saturated }
     }
 
     /// Adds all bits to a digest.
     pub fn hash_into(&self, h: &mut StateHasher) {
-        for w in [self.value, self.rate] {
-            h.vec3(w.f);
-            h.vec3(w.m);
-        }
+        self.value.iter().chain(&self.rate).for_each(|v| h.vec3(*v));
     }
 }
 
@@ -180,7 +176,7 @@ impl Sensor {
 mod tests {
     use super::*;
 
-    const FORCE: ForceSensor = ForceSensor {
+    const FORCE: SixAxisSensor = SixAxisSensor {
         natural_frequency_hz: 350.0,
         damping_ratio: 0.7,
         noise: [0.0; 2],
@@ -195,19 +191,19 @@ mod tests {
     };
     const H: f64 = 1.25e-4;
 
-    fn sensor(model: ForceSensor) -> Sensor {
-        Sensor::new(SensorParameters::of_file(model), H, Noise::new(1, 1), Wrench::ZERO)
+    fn sensor(model: SixAxisSensor) -> Sensor {
+        Sensor::new(SensorParameters::of_file(model), H, Noise::new(1, 1), [DVec3::ZERO; 2])
     }
 
-    fn force(x: f64) -> Wrench {
-        Wrench { f: DVec3::X * x, m: DVec3::ZERO }
+    fn force(x: f64) -> Pair {
+        [DVec3::X * x, DVec3::ZERO]
     }
 
     /// A sine comes out with the gain and the lag of the second order, and later by the delay.
     #[test]
     fn oracle_a_sine_comes_out_as_of_a_second_order() {
         for (hz, delay_s) in [(5.0, 0.0), (50.0, 0.0), (50.0, 3.3e-4)] {
-            let mut s = sensor(ForceSensor { delay_s, ..FORCE });
+            let mut s = sensor(SixAxisSensor { delay_s, ..FORCE });
             let w = core::f64::consts::TAU * hz;
             let n = 8000;
             let (mut re, mut im) = (0.0, 0.0);
@@ -215,7 +211,7 @@ mod tests {
                 let end = f64::from(i + 1) * H;
                 s.step(force((w * (end - 0.5 * H)).sin()));
                 if i >= n {
-                    let y = s.read(0.0).wrench.f.x;
+                    let y = s.read(0.0).value[0].x;
                     re += y * (w * end).sin() * 2.0 / f64::from(n);
                     im += y * (w * end).cos() * 2.0 / f64::from(n);
                 }
@@ -230,26 +226,26 @@ mod tests {
 
     #[test]
     fn oracle_dead_zone_step_and_range() {
-        let settled = |model: ForceSensor, x: f64| {
+        let settled = |model: SixAxisSensor, x: f64| {
             let mut s = sensor(model);
             (0..400).for_each(|_| s.step(force(x)));
             s.read(0.0)
         };
-        let zeroing = ForceSensor { dead_zone: [8.0, 1.0], quantum: [0.1, 0.1], ..FORCE };
-        assert!(settled(zeroing, 7.9).wrench.f.x.abs() < 1e-12);
-        assert!((settled(zeroing, 8.12).wrench.f.x - 8.1).abs() < 1e-9);
-        let subtractive = ForceSensor { dead_zone_law: DeadZoneLaw::Subtractive, ..zeroing };
-        assert!((settled(subtractive, -20.0).wrench.f.x + 12.0).abs() < 1e-9);
+        let zeroing = SixAxisSensor { dead_zone: [8.0, 1.0], quantum: [0.1, 0.1], ..FORCE };
+        assert!(settled(zeroing, 7.9).value[0].x.abs() < 1e-12);
+        assert!((settled(zeroing, 8.12).value[0].x - 8.1).abs() < 1e-9);
+        let subtractive = SixAxisSensor { dead_zone_law: DeadZoneLaw::Subtractive, ..zeroing };
+        assert!((settled(subtractive, -20.0).value[0].x + 12.0).abs() < 1e-9);
         let over = settled(FORCE, 2e4);
-        assert!(over.saturated && (over.wrench.f.x - 1e4).abs() < 1e-9);
+        assert!(over.saturated && (over.value[0].x - 1e4).abs() < 1e-9);
         assert!(!settled(FORCE, 9e3).saturated);
     }
 
     #[test]
     fn oracle_noise_has_its_deviation() {
-        let mut s = sensor(ForceSensor { noise: [0.3, 0.1], ..FORCE });
+        let mut s = sensor(SixAxisSensor { noise: [0.3, 0.1], ..FORCE });
         let n = 20_000;
-        let x: Vec<f64> = (0..n).map(|_| s.read(0.0).wrench.f.x).collect();
+        let x: Vec<f64> = (0..n).map(|_| s.read(0.0).value[0].x).collect();
         let mean = x.iter().sum::<f64>() / f64::from(n);
         let square = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(n);
         assert!(mean.abs() < 0.01 && (square.sqrt() - 0.3).abs() < 0.01);

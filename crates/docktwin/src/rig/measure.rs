@@ -237,7 +237,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
         what: "the rig has no table [sensors]".to_owned(),
         remedy: "add one; models/urdf/stewart.toml is an example".to_owned(),
     })?;
-    let mut setup = CalibrateSetup::at(task.place, sensors.force);
+    let mut setup = CalibrateSetup::at(task.place, sensors);
     setup.tilt_rad = if task.stand.has_stick() { STICK_TILT_RAD } else { TILT_RAD };
     if let Some(mm) = args.touch_mm {
         if !task.stand.has_stick() {
@@ -283,6 +283,9 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
             || format!("delay of {name}   not looked at: it needs a touch (--touch-mm)"),
             |s| format!("delay of {name}   {:.1} us behind positions of the same stamp", us(s)),
         ));
+    }
+    if let Some(s) = found.accelerometer_delay_s {
+        words.push(format!("accelerometers {:.1} us behind positions of the same stamp", us(s)));
     }
     task.finish(&CalibrationFile::new(task.origin(), &found), &words, json)
 }
