@@ -990,7 +990,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         // Before the first measurement there is nothing to be judged but that it stays away.
         if s.without > 0 && m.session == 0 {
             let w = Watched {
-                stroke_margin_m: f64::INFINITY,
+                stroke_margin_m: f64::MAX,
                 ticks_without: s.without,
                 ..Watched::default()
             };

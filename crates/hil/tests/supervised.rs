@@ -308,7 +308,7 @@ fn invariant_a_refused_measurement_is_as_good_as_none() {
 fn invariant_missing_measurements_are_bridged_up_to_the_watchdog() {
     let m = models();
     let good = spoilt(&m, |m| Ok(Some(m)));
-    for at in [good.read_in(5), good.read_in(good.contact() + 20)] {
+    for at in [good.read_in(0), good.read_in(5), good.read_in(good.contact() + 20)] {
         for (ticks, error) in [
             (1, None),
             (5, None),
