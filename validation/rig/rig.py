@@ -179,11 +179,15 @@ class Port:
 
     def wait(self, seconds):
         """Until a command may be there; the kernel rounds short waits on sockets up."""
-        if seconds > 0.009:
-            self.listener.timed_wait(iox2.Duration.from_secs_f64(seconds - 0.008))
-        else:
-            self.listener.try_wait()
-            time.sleep(min(seconds, 50e-6))
+        try:
+            if seconds > 0.009:
+                self.listener.timed_wait(iox2.Duration.from_secs_f64(seconds - 0.008))
+            else:
+                self.listener.try_wait()
+                time.sleep(min(seconds, 50e-6))
+        except iox2.ListenerWaitError:
+            # A signal; whoever waits looks whether to go on.
+            time.sleep(50e-6)
 
 
 def serve(port, desk, lockstep_patience_s, stop):

@@ -32,7 +32,7 @@ use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
     calibrate::{Calibration, accelerometers_ahead_s},
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
-    emulated::EmulatedRig,
+    emulated::{EmulatedRig, clear},
     identify::{Identification, sensor_interface},
     in_process::InProcess,
     realtime::relax,
@@ -286,7 +286,7 @@ impl<'a> Prepared<'a> {
     }
 
     fn emulated(&self, args: &HilArgs) -> Result<InProcess<EmulatedRig>, Failure> {
-        let rest = crate::rig::clear(&self.rig, &self.system);
+        let rest = clear(&self.rig, &self.system);
         EmulatedRig::new(
             &self.rig,
             self.preset,

@@ -3,6 +3,7 @@
 
 mod emulate;
 mod measure;
+mod retract;
 
 use std::{
     path::{Path, PathBuf},
@@ -12,7 +13,7 @@ use std::{
 use clap::{Args, Subcommand};
 use docktwin::{rigfile::RigFileError, setup::start};
 use docktwin_core::Pose;
-use docktwin_hil::emulated::EmulatedRig;
+use docktwin_hil::emulated::{EmulatedRig, clear};
 use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
 use docktwin_physics::mechanism::System;
 use docktwin_scenario::{Scenario, load_scenario, resolve_path};
@@ -36,6 +37,9 @@ pub(crate) enum RigCommand {
     /// Find null bias, flow gain, delay and frequency response of a rig
     #[command(after_help = IDENTIFY)]
     Identify(IdentifyArgs),
+    /// Open the latches and draw a rig back after a run, until nothing touches
+    #[command(after_help = RETRACT)]
+    Retract(retract::RetractArgs),
 }
 
 const EMULATE: &str = "\
@@ -82,6 +86,16 @@ Examples:
   docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7
   docktwin rig identify --rig emulated --model models/urdf/stewart.toml --dof x --dof y --json
   docktwin rig identify --rig ipc:lab --model models/urdf/stewart.toml --yes --out lab/legs.toml";
+
+const RETRACT: &str = "\
+A run leaves the rig where it ended: docked, often. The rig opens its latches, as far as they have
+drives, and goes back along the docking axis by itself, slowly; the command waits until it rests.
+
+A rig behind a port moves when somebody confirms it.
+
+Examples:
+  docktwin rig retract --rig ipc:lab --model models/urdf/stewart.toml
+  docktwin rig retract --rig ipc:lab --model lab.toml --clock realtime --yes";
 
 /// Options of `rig emulate`.
 #[derive(Debug, Args)]
@@ -192,14 +206,12 @@ pub(crate) fn run(command: &RigCommand, json: bool) -> Result<ExitCode, Failure>
         RigCommand::Emulate(args) => emulate::run(args, json),
         RigCommand::Calibrate(args) => measure::calibrate(args, json),
         RigCommand::Identify(args) => measure::identify(args, json),
+        RigCommand::Retract(args) => retract::run(args, json),
     }
 }
 
 /// Scenario when none is named.
 const DEFAULT_SCENARIO: &str = "scenarios/apas_nominal.toml";
-/// How far a mechanism that is no stick begins from the middle, part of the axial half-width.
-const DRAWN_BACK: f64 = 2.0 / 3.0;
-
 /// Opening of a frame that no stick reaches, m.
 const NO_FRAME_M: f64 = 10.0;
 
@@ -209,13 +221,6 @@ struct Stand {
     preset: HydraulicPreset,
     system: System,
     scenario: Scenario,
-}
-
-/// Where an emulated rig begins, `X_34`: a stick in the middle of its frame, any other mechanism drawn
-/// back so far that nothing touches.
-pub(crate) fn clear(rig: &RigModel, system: &System) -> Pose {
-    let x = if system.mechanism().stick.is_some() { 0.0 } else { DRAWN_BACK };
-    rig.docking.pose([x, 0.0, 0.0, 0.0, 0.0, 0.0])
 }
 
 impl Stand {

@@ -214,3 +214,37 @@ fn invariant_table_4_runs_on_a_rig_in_another_process() {
     assert!(kept["missed_ticks"].is_u64() && kept["lateness_max_ms"].is_f64(), "{timed}");
     rig.end();
 }
+
+/// A run leaves the rig docked. The next is refused until the rig has been drawn back, and then it is
+/// captured again.
+#[test]
+fn invariant_a_rig_is_drawn_back_between_two_dockings() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rig = Emulated::start("docked", &[]);
+    let run = |name: &str| {
+        let out = folder.path().join(name);
+        let done = docktwin(&[
+            "hil",
+            "scenarios/apas_nominal.toml",
+            "--rig",
+            &rig.port,
+            "--yes",
+            "--set",
+            "run.duration_s=3",
+            "--out",
+            out.to_str().expect("plain"),
+        ]);
+        (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+    };
+    assert_eq!(run("first").0, Some(0));
+    let (code, said) = run("second");
+    assert_eq!(code, Some(2));
+    assert!(said.contains("joined by the run before") && said.contains("rig retract"), "{said}");
+    let asked = ["rig", "retract", "--rig", &rig.port, "--model", RIG];
+    assert_eq!(docktwin(&asked).status.code(), Some(2), "moved without being allowed to");
+    let done = docktwin(&[&asked[..], &["--yes", "--json"]].concat());
+    let told: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert!((told["x_34_m"][0].as_f64().expect("a number") - 0.8).abs() < 1e-3, "{told}");
+    assert_eq!(run("third").0, Some(0));
+    rig.end();
+}

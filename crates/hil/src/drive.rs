@@ -54,6 +54,11 @@ pub enum DriveError {
     /// The motion cannot be commanded.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// Drawing back does not part the mechanisms.
+    #[error(
+        "the mechanisms are not parted: open the latches by hand, and see what holds the rig back"
+    )]
+    Joined,
     /// A limit was passed.
     #[error(
         "the rig was stopped: {} reached {:.4}, allowed is {:.4}; mend the cause, or take a place \
@@ -80,6 +85,13 @@ const SESSIONS: u32 = 3;
 /// Ticks of rest before, and of stopping after.
 const REST_TICKS: u32 = 20;
 const STOP_TICKS: u32 = 300;
+/// Ticks in which a retraction must have ended, after how many it is looked at again, and those in
+/// which a measurement may be missing.
+const RETRACT_TICKS: u32 = 60_000;
+const RETRACT_LOOK: u32 = 1000;
+const RETRACT_PATIENCE: u32 = 20;
+/// Way between two looks of a rig at rest, m.
+const RETRACT_RESTS_M: f64 = 2e-4;
 /// Commanded poses kept for the tracking error: the command before last is of the present instant.
 const PAST: usize = 3;
 
@@ -324,6 +336,46 @@ impl<R: Rig, K: Clock> Drive<R, K> {
     pub fn rest(&mut self, duration_s: f64, take: impl FnMut(&Sample)) -> Result<(), DriveError> {
         let x_34 = self.at;
         self.run(duration_s, |_| RelativeMotion { x_34, ..RelativeMotion::default() }, take)
+    }
+
+    /// Lets the rig draw back by itself until it rests; where it then stands, `X_34`.
+    ///
+    /// # Errors
+    /// See [`DriveError`].
+    pub fn retract(&mut self) -> Result<Pose, DriveError> {
+        let done = self.draw_back();
+        if done.is_err() {
+            let _ = self.halt();
+        }
+        done
+    }
+
+    fn draw_back(&mut self) -> Result<Pose, DriveError> {
+        let (mut was, mut without) = (self.at.p, 0);
+        for i in 1..=RETRACT_TICKS {
+            let fresh = self.still(RigMode::Retract)?;
+            without = if fresh { 0 } else { without + 1 };
+            if without > RETRACT_PATIENCE {
+                return Err(RigError::Gone.into());
+            }
+            if self.left() || !self.last.has(status::ENABLED) {
+                return Err(DriveError::NotReady);
+            }
+            let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
+            self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+            self.past = [self.x_bp; PAST];
+            self.at = self.platform.docking_from_plate(&self.x_bp);
+            if i % RETRACT_LOOK == 0 {
+                let moved_m = (self.at.p - was).length();
+                was = self.at.p;
+                // It begins gently.
+                if i > 2 * RETRACT_LOOK && moved_m < RETRACT_RESTS_M {
+                    let joined = self.last.mechanism[9] > 0.5;
+                    return if joined { Err(DriveError::Joined) } else { Ok(self.at) };
+                }
+            }
+        }
+        Err(DriveError::Joined)
     }
 
     fn halt(&mut self) -> Result<(), DriveError> {

@@ -34,10 +34,18 @@ const SPEED_WINDOW_S: f64 = 0.004;
 /// How fast a stop brakes, m/s² at the plate, and the shortest time it takes, s.
 const STOP_M_S2: f64 = 2.0;
 const SHORTEST_STOP_S: f64 = 0.05;
-/// How a retraction goes: way along the docking axis, m, speed, m/s, rate, rad/s.
-const RETRACT_M: f64 = 0.1;
+/// How far a mechanism that is no stick is drawn back from the middle, part of the axial half-width.
+const DRAWN_BACK: f64 = 2.0 / 3.0;
+/// How a retraction goes: speed, m/s, rate, rad/s.
 const RETRACT_M_S: f64 = 0.05;
 const RETRACT_RAD_S: f64 = 0.02;
+
+/// Where nothing touches, `X_34`: a stick in the middle of its frame, any other mechanism drawn back.
+#[must_use]
+pub fn clear(rig: &Rig, system: &System) -> Pose {
+    let x = if system.mechanism().stick.is_some() { 0.0 } else { DRAWN_BACK };
+    rig.docking.pose([x, 0.0, 0.0, 0.0, 0.0, 0.0])
+}
 
 /// Why a rig cannot be emulated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -261,13 +269,15 @@ impl<P: RigPlant> EmulatedRig<P> {
     }
 
     fn enter(&mut self, mode: RigMode) {
+        self.mounted.hold_open(mode == RigMode::Retract);
         match mode {
             RigMode::Track => self.own = None,
             RigMode::Idle => {
                 if self.own.is_none() {
                     self.stop();
                 }
-                if self.touched {
+                // Rings that are joined, or lie on each other, are not parted by switching off.
+                if self.touched && self.mounted.apart(&self.closed.state().x_bp) {
                     self.mounted.reset();
                     self.touched = false;
                 }
@@ -276,10 +286,11 @@ impl<P: RigPlant> EmulatedRig<P> {
             RigMode::Retract => {
                 if !matches!(self.own, Some(Own::Retract { .. })) {
                     let from = self.rig.docking_from_plate(&self.commanded.x_bp);
-                    let mut to = from;
-                    let d = &self.rig.docking;
-                    let furthest = d.middle_m.x + d.axial_m;
-                    to.p.x = (from.p.x + RETRACT_M).min(furthest.max(from.p.x));
+                    let mut to = clear(&self.rig, self.mounted.system());
+                    if self.mounted.system().mechanism().stick.is_none() {
+                        // Along the axis alone: petals lie between petals.
+                        to = Pose { p: DVec3 { x: to.p.x.max(from.p.x), ..from.p }, ..from };
+                    }
                     let way = Move::new(&from, &to, RETRACT_M_S, RETRACT_RAD_S);
                     self.own = Some(Own::Retract { way, time_s: 0.0 });
                 }

@@ -27,14 +27,16 @@ const PERIODS_NS: core::ops::RangeInclusive<u64> = 10_000..=1_000_000_000;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum RigMode {
-    /// Power off or valves closed; a rig rests where it is and forgets an earlier run.
+    /// Power off or valves closed; a rig rests where it is and forgets an earlier run. What is joined
+    /// stays joined.
     #[default]
     Idle = 0,
     /// Hold the present pose; commands of motion are not looked at.
     Hold = 1,
     /// Follow the commands.
     Track = 2,
-    /// Draw back along the docking axis, slowly, and hold there.
+    /// Open the latches, draw back along the docking axis, slowly, until nothing touches, and hold
+    /// there.
     Retract = 3,
     /// Come to rest at once and hold; left only through [`RigMode::Idle`].
     Stop = 4,

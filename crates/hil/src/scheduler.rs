@@ -593,6 +593,16 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             };
             check(name, passed, found);
         }
+        let joined = last.mechanism[9] > 0.5;
+        check(
+            "mechanisms",
+            !joined,
+            if joined {
+                "joined by the run before: draw back with `docktwin rig retract`".to_owned()
+            } else {
+                "apart".to_owned()
+            },
+        );
         let found = self.platform.forward(&last.leg_length_m, &self.platform.middle());
         let x_bp = found.ok().map(|f| f.x_bp);
         if let (Some([felt, _]), Some(x_bp)) = (last.felt(), x_bp) {

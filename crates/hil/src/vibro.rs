@@ -424,7 +424,9 @@ impl VibroTest {
         mut look: impl FnMut(&TickRecord),
     ) -> Result<VibroRun, VibroError> {
         let mut running = idle.arm(Vec::new())?.start();
-        let mut samples = Vec::new();
+        // In real time nothing is to grow in the loop.
+        #[expect(clippy::cast_possible_truncation, reason = "minutes at 1 kHz")]
+        let mut samples = Vec::with_capacity(running.setup().ticks as usize);
         while !running.finished() {
             let r = running.tick(&Inputs::default())?;
             look(&r);

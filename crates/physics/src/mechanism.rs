@@ -130,6 +130,12 @@ impl MechanismState {
         Self { latches, told_s: captured_s, ..Self::default() }
     }
 
+    /// Opens the latches and parts the rings.
+    pub fn open(&mut self) {
+        self.latches = Default::default();
+        self.joint = None;
+    }
+
     /// Slip of the longitudinal brake, m.
     #[must_use]
     pub const fn brake_slip_m(&self) -> f64 {

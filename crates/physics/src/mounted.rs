@@ -118,6 +118,8 @@ pub struct Mounted {
     ring: BodyState,
     step_s: f64,
     steps: u64,
+    /// Latches are held open.
+    open: bool,
     /// Ring and mechanism where weight and springs hold each other.
     rest: Option<(MechanismState, BodyState)>,
 }
@@ -140,6 +142,7 @@ impl Mounted {
             state: MechanismState::default(),
             step_s,
             steps: 0,
+            open: false,
             rest: None,
         };
         out.reset();
@@ -157,6 +160,18 @@ impl Mounted {
     #[must_use]
     pub const fn state(&self) -> &MechanismState {
         &self.state
+    }
+
+    /// Holds the latches open, whatever strikes them, or lets them work.
+    pub const fn hold_open(&mut self, open: bool) {
+        self.open = open;
+    }
+
+    /// True when nothing touches or holds the plate's side.
+    #[must_use]
+    pub fn apart(&self, x_bp: &Pose) -> bool {
+        let free = self.now(x_bp, &Twist::default()).port4 == Wrench::ZERO;
+        free && self.state.captured_s().is_none()
     }
 
     /// Opens the latches and puts the ring to rest, where weight and springs hold each other.
@@ -250,6 +265,9 @@ impl Mounted {
             },
         );
         self.system.commit(&mut self.state, &measured, &com, &kick, time_s, h);
+        if self.open {
+            self.state.open();
+        }
         if !rigid {
             self.ring.kick(&mass[RING], kick.wrench[RING], h);
             self.ring.drift(&mass[RING], 0.5 * h);
