@@ -16,7 +16,7 @@ use docktwin_hil::{
     clock::Clock,
     identify::Identification,
     ipc::IpcRig,
-    realtime::{RealtimeReport, RealtimeSetup, Shortage},
+    realtime::{RealtimeReport, RealtimeSetup, Shortage, keep_others_off},
 };
 use docktwin_model::Rig as RigModel;
 use docktwin_scenario::CompensatorChoice;
@@ -114,7 +114,7 @@ pub(crate) struct RealtimeArgs {
     /// Run in real time on what the machine grants; a verdict is then `degraded`
     #[arg(long)]
     pub(crate) allow_best_effort: bool,
-    /// Core to keep to, in real time
+    /// Core to keep to, in real time; whatever else this process does goes elsewhere
     #[arg(long, value_name = "N")]
     pub(crate) core: Option<usize>,
 }
@@ -124,11 +124,15 @@ impl RealtimeArgs {
     pub(crate) fn apply(&self) -> Result<RealtimeReport, Failure> {
         let shortage = if self.allow_best_effort { Shortage::BestEffort } else { Shortage::Refuse };
         let setup = RealtimeSetup { core: self.core, ..RealtimeSetup::default() };
-        setup.apply(shortage).map_err(|e| Failure::Usage {
+        let report = setup.apply(shortage).map_err(|e| Failure::Usage {
             what: e.to_string(),
             remedy: "`docktwin doctor` tells what mends it; --allow-best-effort does without"
                 .to_owned(),
-        })
+        })?;
+        if let Some(core) = self.core {
+            keep_others_off(core);
+        }
+        Ok(report)
     }
 }
 

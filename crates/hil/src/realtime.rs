@@ -321,17 +321,35 @@ fn stay_on(core: usize) -> Result<(), Shortfall> {
     if !allowed.contains(&core) {
         return shortfall(format!("core {core} is not there for this process"), choose());
     }
-    // SAFETY: a set of cores is an array of bits, of which all zeros is a value; `core` is below its
-    // number of bits, because it came from such a set; the set lives through the call.
+    set_cores(0, &[core]).or_else(|e| shortfall(format!("core {core} was refused ({e})"), choose()))
+}
+
+/// Lets a thread run on these cores alone; 0 is the calling one.
+fn set_cores(thread: libc::pid_t, cores: &[usize]) -> io::Result<()> {
+    // SAFETY: a set of cores is an array of bits, of which all zeros is a value; every core is below
+    // its number of bits, because it came from such a set; the set lives through the call.
     let done = unsafe {
         let mut set: libc::cpu_set_t = core::mem::zeroed();
-        libc::CPU_SET(core, &mut set);
-        libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), &raw const set)
+        cores.iter().for_each(|core| libc::CPU_SET(*core, &mut set));
+        libc::sched_setaffinity(thread, size_of::<libc::cpu_set_t>(), &raw const set)
     };
-    if done == 0 {
-        return Ok(());
+    if done == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Keeps all other threads of this process off the core that the calling one was given, as far as there
+/// are others: writers and the live viewer's sender leave its caches alone.
+pub fn keep_others_off(core: usize) {
+    // SAFETY: takes nothing, cannot fail.
+    let this = unsafe { libc::gettid() };
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let threads = threads.filter_map(|t| t.file_name().to_str()?.parse::<libc::pid_t>().ok());
+    for thread in threads.filter(|t| *t != this) {
+        let left: Vec<usize> = cores(thread).into_iter().filter(|c| *c != core).collect();
+        if !left.is_empty() {
+            // A thread that has ended meanwhile is no concern.
+            let _ = set_cores(thread, &left);
+        }
     }
-    shortfall(format!("core {core} was refused ({})", io::Error::last_os_error()), choose())
 }
 
 fn exact_timers() -> Result<(), Shortfall> {
@@ -376,7 +394,7 @@ impl Rights {
             cap_sys_nice: held & (1 << CAP_SYS_NICE) != 0,
             priority_limit: soft_limit(libc::RLIMIT_RTPRIO),
             lockable_bytes: limit,
-            cores: cores(),
+            cores: cores(0),
         }
     }
 
@@ -418,12 +436,13 @@ fn soft_limit(of: libc::__rlimit_resource_t) -> u64 {
     limit.rlim_cur
 }
 
-fn cores() -> Vec<usize> {
+/// Cores that a thread may run on; 0 is the calling one.
+fn cores(thread: libc::pid_t) -> Vec<usize> {
     // SAFETY: all zeros is a set of cores; the call gets its true size and fills it or leaves the
     // zeros; every number asked for is below the number of its bits.
     unsafe {
         let mut set: libc::cpu_set_t = core::mem::zeroed();
-        libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), &raw mut set);
+        libc::sched_getaffinity(thread, size_of::<libc::cpu_set_t>(), &raw mut set);
         (0..8 * size_of::<libc::cpu_set_t>()).filter(|c| libc::CPU_ISSET(*c, &set)).collect()
     }
 }
@@ -467,6 +486,31 @@ mod tests {
         assert!(report.is_best_effort());
         assert_eq!(report.shortfalls, refused.shortfalls);
         assert_eq!(report.granted, [Step::TimerSlack]);
+    }
+
+    /// With one core there is nowhere to go.
+    #[test]
+    fn invariant_others_leave_the_core_and_come_to_no_harm() {
+        let allowed = cores(0);
+        let core = allowed[allowed.len() - 1];
+        let (tell, told) = std::sync::mpsc::channel();
+        let (go, wait) = std::sync::mpsc::channel::<()>();
+        let other = std::thread::spawn(move || {
+            // SAFETY: takes nothing, cannot fail.
+            tell.send(unsafe { libc::gettid() }).expect("somebody listens");
+            let _ = wait.recv();
+        });
+        let thread = told.recv().expect("a thread");
+        apart(move || keep_others_off(core));
+        let left: Vec<usize> = allowed.iter().copied().filter(|c| *c != core).collect();
+        assert_eq!(cores(thread), if left.is_empty() { &allowed } else { &left }[..]);
+        // Other tests run in this process.
+        for entry in std::fs::read_dir("/proc/self/task").expect("Linux").flatten() {
+            let thread = entry.file_name().to_str().and_then(|t| t.parse().ok()).expect("a number");
+            let _ = set_cores(thread, &allowed);
+        }
+        drop(go);
+        other.join().expect("no panic");
     }
 
     #[test]
