@@ -173,16 +173,6 @@ impl Known {
     }
 }
 
-/// The scheme asked for. Otherwise (12) and (13) for a mechanism without moving parts, and a sensor at
-/// each port where a ring has inertia and the plate has accelerometers.
-fn scheme(two: Option<bool>, system: &System, sensors: &RigSensors) -> SensorScheme {
-    if two.unwrap_or(!system.rigid() && sensors.accelerometer.is_some()) {
-        SensorScheme::Two
-    } else {
-        SensorScheme::Single
-    }
-}
-
 impl<'a> Prepared<'a> {
     fn new(args: &HilArgs, scenario: &'a Scenario) -> Result<Self, Failure> {
         let rig_path = rig_path(args, scenario)?;
@@ -228,7 +218,7 @@ impl<'a> Prepared<'a> {
                 .as_ref()
                 .map_or_else(LegCorrections::default, |i| i.1.corrections()),
             compensation,
-            scheme: scheme(hil.two_sensors, &system, &sensors),
+            scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
             payload: known.calibration.as_ref().map_or_else(
                 || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
                 |c| c.1.payload,

@@ -178,3 +178,32 @@ fn invariant_what_is_no_run_is_bad_input() {
     assert!(said.contains("no run to report on"), "{said}");
     assert!(!run.join("report.html").exists());
 }
+
+/// A page of a run against a rig says how the loop did, and promises a replay only where one is possible.
+#[test]
+fn invariant_report_of_a_loop_tells_of_its_rig() {
+    for (clock, repeats) in [("virtual", true), ("realtime", false)] {
+        let out = fresh(&format!("loop_{clock}"));
+        let path = out.to_str().expect("plain");
+        let run = docktwin(&[
+            "hil",
+            "scenarios/vibro_impact.toml",
+            "--rig",
+            "emulated",
+            "--clock",
+            clock,
+            "--allow-best-effort",
+            "--set",
+            "run.duration_s=1",
+            "--out",
+            path,
+        ]);
+        assert!(out.join("summary.json").exists(), "{}", String::from_utf8_lossy(&run.stderr));
+        let (_, page) = report(&out);
+        for word in ["The loop and its rig", "a lead of", "least margin", "left out"] {
+            assert!(page.contains(word), "{clock}: no {word}");
+        }
+        assert!(!page.contains("lost in the attenuator"));
+        assert_eq!(page.contains("docktwin replay"), repeats, "{clock}");
+    }
+}

@@ -177,6 +177,7 @@ fn summary(run: &Run) -> Markup {
                 }
                 (loads(run))
                 (energy(run))
+                (rig_loop(run))
                 div.card {
                     h3 { "The run" }
                     table {
@@ -285,6 +286,64 @@ fn bar(share: f64) -> Markup {
     }
 }
 
+/// A run against a rig: how the loop kept its time, how near it came to the simulated system, and what the
+/// supervisor saw.
+fn rig_loop(run: &Run) -> Markup {
+    let Some((s, l)) = run.summary.as_ref().and_then(|s| Some((s, s.loop_.as_ref()?))) else {
+        return html! {};
+    };
+    let meta = |k: &str| run.metadata.get(k).cloned();
+    let us = |x: f64| format!("{} µs", words::three(x));
+    let ratio = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{x:.4}"));
+    let part =
+        |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{} %", words::three(x * 100.0)));
+    let ticks = |n: u64| words::count(usize::try_from(n).unwrap_or(usize::MAX), "tick", "ticks");
+    let timed = l.lateness_us.max > 0.0;
+    html! {
+        div.card {
+            h3 { "The loop and its rig" }
+            table {
+                @if let Some(rig) = meta("rig") { (row("rig", rig)) }
+                @if let Some(clock) = meta("clock") { (row("clock", clock)) }
+                @if let Some(c) = meta("compensator") {
+                    (row("against the delay", match meta("lead_s").and_then(|s| s.parse::<f64>().ok()) {
+                        Some(lead_s) if c == "lead" => format!("a lead of {} ms", words::three(lead_s * 1e3)),
+                        _ => c,
+                    }))
+                }
+                @if timed {
+                    (row("wake-ups late by", format!(
+                        "{} median, {} in 99 %, {} latest",
+                        us(l.lateness_us.p50), us(l.lateness_us.p99), us(l.lateness_us.max)
+                    )))
+                }
+                (row("left out", ticks(l.missed)))
+                @if let Some(f) = &s.fidelity {
+                    (row("R_e, R_T", format!("{}, {}", ratio(f.R_e), ratio(f.R_T))))
+                    (row("largest force", ratio(f.peak_force_ratio)))
+                    (row("force, pose apart", format!("{}, {}", part(f.nrms_force), part(f.nrms_pose))))
+                    (row("energy gained", part(f.delta_energy)))
+                }
+                @if let Some(s) = &s.safety {
+                    (row("supervisor", if s.trips.is_empty() { s.state.clone() } else { s.trips.join("; ") }))
+                    @if let Some((name, x)) = s.min_margin.iter().min_by(|a, b| a.1.total_cmp(b.1)) {
+                        (row("least margin", format!("{} of {}", words::three(*x), name.replace('_', " "))))
+                    }
+                }
+            }
+            @if s.fidelity.is_some() {
+                p.small { "R_e, R_T, force, pose and energy are against the simulated system: 1 and 0 % would be it." }
+            }
+        }
+    }
+}
+
+/// What repeats bit by bit: not what kept real time, nor what ran against a rig in another process.
+fn repeats(run: &Run) -> bool {
+    let is = |key: &str, repeating: &str| run.metadata.get(key).is_none_or(|x| x == repeating);
+    is("clock", "virtual") && is("rig", "emulated")
+}
+
 fn energy(run: &Run) -> Markup {
     let last = |key: &str| -> Option<f64> {
         run.curve(&format!("energy_{key}_j"), 1.0)?.last().map(|p| p[1])
@@ -299,6 +358,7 @@ fn energy(run: &Run) -> Markup {
         ("lost at capture", "lost_capture"),
         ("work of thrusters", "work_in"),
     ];
+    let on_rig = run.summary.as_ref().is_some_and(|s| s.loop_.is_some());
     html! {
         div.card {
             h3 { "Energy and momentum" }
@@ -307,13 +367,18 @@ fn energy(run: &Run) -> Markup {
                     (row("brought in", format!("{} J", words::three(s.energy_in_j))))
                     (row("dissipated", format!("{} J", words::three(s.energy_dissipated_j))))
                 }
-                @for (name, key) in kinds {
+                @for (name, key) in kinds.into_iter().filter(|k| !on_rig || k.1 == "kinetic" || k.1 == "work_in") {
                     @if let Some(v) = last(key) { (row(name, format!("{} J", words::three(v)))) }
                 }
                 @if let Some(s) = &run.summary {
-                    (row("account off by", format!("{} of what came in", words::exponent(s.energy_balance_error))))
+                    @if !on_rig {
+                        (row("account off by", format!("{} of what came in", words::exponent(s.energy_balance_error))))
+                    }
                     (row("momentum off by", words::exponent(s.momentum_error)))
                 }
+            }
+            @if on_rig {
+                p.small { "Of both spacecraft by the forces measured: on a rig nothing tells where energy went, and what both sensors' zeros are off, or a ring keeps for itself, is missing in the momentum." }
             }
         }
     }
@@ -329,7 +394,10 @@ fn again(run: &Run) -> Markup {
     html! {
         div.card.wide {
             h3 { "Run it again" }
-            @if run.incomplete.is_none() {
+            @if !repeats(run) {
+                p.small { "A run in real time, or against a rig in another process, does not repeat bit by bit. Run the scenario again and see how far apart both are:" }
+                pre { code { "docktwin diff " (quoted(&dir)) " OTHER-RUN --tolerance 1e-2 --align first-contact" } }
+            } @else if run.incomplete.is_none() {
                 pre { code { "docktwin replay " (quoted(&dir)) } }
                 p.small { "runs it tick by tick and compares every bit." }
             } @else {

@@ -232,8 +232,8 @@ pub(crate) const KEYS: &[Key] = &[
         "loop.sensors",
         Shape::Words(&["single", "two"], false),
         "Whether F4, M4 come from the rack's sensor by (12), (13), or from a sensor of their own on \
-         the plate; without it `two` where the mechanism has a moving ring and the rig's plate has \
-         accelerometers, else `single`.",
+         the plate; without it `single`. (12) leaves out what a moving ring resists by its mass; two \
+         sensors have it, and the drift of both zeros adds up instead.",
     ),
     key(
         "loop.force_limit_n",

@@ -124,8 +124,8 @@ pub struct HilSettings {
     pub lead_s: Option<f64>,
     /// By which every command is held back, s.
     pub added_delay_s: f64,
-    /// True with a sensor of its own for F4, M4, false with (12) and (13).
-    pub two_sensors: Option<bool>,
+    /// True with a sensor of its own for F4, M4.
+    pub two_sensors: bool,
     /// Of the supervisor, N.
     pub force_limit_n: Option<f64>,
     /// Of the supervisor, N·m.
@@ -512,7 +512,8 @@ fn read_loop(t: &Table<'_, '_>) -> HilSettings {
         compensator: t.optional_choice("compensator", &CompensatorChoice::WORDS),
         lead_s: maybe(t, "lead_s"),
         added_delay_s: number(t, "added_delay_s"),
-        two_sensors: t.optional_choice("sensors", &[("single", false), ("two", true)]),
+        two_sensors: t.optional_choice("sensors", &[("single", false), ("two", true)])
+            == Some(true),
         force_limit_n: maybe(t, "force_limit_n"),
         moment_limit_nm: maybe(t, "moment_limit_nm"),
     };
