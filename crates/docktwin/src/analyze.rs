@@ -40,13 +40,8 @@ impl Results {
     /// Makes the directory, which must be new or empty: results are never overwritten. Without one it
     /// is named after what is analysed, and the time.
     pub(crate) fn new(directory: Option<&Path>, name: &str) -> Result<Self, Failure> {
-        let directory = directory.map_or_else(
-            || {
-                let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
-                Path::new("analysis").join(format!("{name}-{now}"))
-            },
-            Path::to_owned,
-        );
+        let directory = directory
+            .map_or_else(|| crate::commands::new_directory("analysis", name), Path::to_owned);
         if std::fs::read_dir(&directory).is_ok_and(|mut d| d.next().is_some()) {
             return Err(Failure::Usage {
                 what: format!("{} is not empty", directory.display()),

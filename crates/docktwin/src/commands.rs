@@ -1,6 +1,9 @@
 //! From words to work.
 
-use std::process::ExitCode;
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use docktwin_model::input::shown;
 use docktwin_scenario::{explained, load_scenario};
@@ -117,4 +120,16 @@ pub(crate) fn overrides(set: &[String]) -> Result<Vec<(String, String)>, Failure
             )
         })
         .collect()
+}
+
+/// A directory that is not there yet, named after what goes there and the time.
+pub(crate) fn new_directory(parent: &str, name: &str) -> PathBuf {
+    let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
+    let mut directory = Path::new(parent).join(format!("{name}-{now}"));
+    let mut n = 1;
+    while directory.exists() {
+        n += 1;
+        directory = Path::new(parent).join(format!("{name}-{now}-{n}"));
+    }
+    directory
 }

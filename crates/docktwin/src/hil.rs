@@ -64,11 +64,11 @@ use serde_json::json;
 
 use crate::{
     cli::{ClockArg, HilArgs},
-    commands::overrides,
+    commands::{new_directory, overrides},
     company::{Company, Flight, pilot_line},
     failure::{Failure, OTHERWISE, STOPPED},
     models::ModelCopies,
-    rehearse::{Asked, Run, default_directory, digest_keys, print, progress},
+    rehearse::{Asked, Run, digest_keys, print, progress},
     rigs::{self, PERIOD_NS, RigPlace, best_effort, confirm, connect, new_session},
 };
 
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
     }
     let prepared = Prepared::new(args, &scenario)?;
-    let out = args.out.clone().unwrap_or_else(|| default_directory(&scenario.name));
+    let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
     let summary = prepared.go(args, &out, json)?;
     if json {
         // A summary always serialises; a defect would show as an empty object.

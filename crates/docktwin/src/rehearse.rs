@@ -1,10 +1,7 @@
 //! `rehearse`: the twin alone, as fast as possible, or in real time under a pilot.
 
 use std::{
-    collections::BTreeMap,
-    io::IsTerminal,
-    path::{Path, PathBuf},
-    process::ExitCode,
+    collections::BTreeMap, io::IsTerminal, path::Path, process::ExitCode,
     time::Instant as WallInstant,
 };
 
@@ -39,7 +36,7 @@ use docktwin::{
 
 use crate::{
     cli::{RehearseArgs, TwinKind},
-    commands::overrides,
+    commands::{new_directory, overrides},
     company::{Company, Flight, pilot_line},
     failure::{Failure, OTHERWISE},
     models::ModelCopies,
@@ -56,7 +53,7 @@ const PILOT_LINE_NS: u64 = 100_000_000;
 /// Runs the command.
 pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
-    let out = args.out.clone().unwrap_or_else(|| default_directory(&scenario.name));
+    let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
     }
@@ -79,17 +76,6 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
         println!("Replay it with: docktwin replay {}", out.display());
     }
     Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
-}
-
-pub(crate) fn default_directory(name: &str) -> PathBuf {
-    let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
-    let mut dir = Path::new("runs").join(format!("{name}-{now}"));
-    let mut n = 1;
-    while dir.exists() {
-        n += 1;
-        dir = Path::new("runs").join(format!("{name}-{now}-{n}"));
-    }
-    dir
 }
 
 /// What a rehearsal needs.

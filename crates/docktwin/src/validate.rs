@@ -25,10 +25,10 @@ use self::{
 };
 use crate::{
     cli::{Align, TwinKind},
-    commands::overrides,
+    commands::{new_directory, overrides},
     company::Company,
     failure::{Failure, OTHERWISE},
-    rehearse::{Setup, default_directory},
+    rehearse::Setup,
     view,
 };
 
@@ -116,7 +116,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     let out = args
         .out
         .clone()
-        .unwrap_or_else(|| default_directory(&format!("{}-crosscheck", scenario.name)));
+        .unwrap_or_else(|| new_directory("runs", &format!("{}-crosscheck", scenario.name)));
     let (ours, theirs) = (out.join("docktwin"), out.join("mujoco"));
     for dir in [&ours, &theirs] {
         let path = dir.join(files::LOG);
