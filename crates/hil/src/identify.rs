@@ -303,6 +303,7 @@ fn pass<R: Rig, K: Clock>(
     let still = standstill(drive, setup)?;
     let speed = CRUISE_M_S.min(setup.room_m / (CRUISE_RAMP_S + CRUISE_STEADY_S));
     let ways = [cruise(drive, setup, speed)?, cruise(drive, setup, -speed)?];
+    let slow = [cruise(drive, setup, 0.5 * speed)?, cruise(drive, setup, -0.5 * speed)?];
     if [still, ways[0], ways[1]].iter().all(|m| m.spool.iter().all(|x| *x == 0.0)) {
         return Err(IdentifyError::NoSpool);
     }
@@ -312,9 +313,10 @@ fn pass<R: Rig, K: Clock>(
         friction_n: [0.0; 6],
         hold_error_m: still.leg_error_m,
         leg_lag_s: [0.0; 6],
-        lag_s: (ways[0].error - ways[1].error) / (2.0 * speed),
+        // Friction holds the plate back by the same at both speeds, delay does not.
+        lag_s: (ways[0].error - ways[1].error - slow[0].error + slow[1].error) / speed,
     };
-    let speeds = ways.map(|m| m.speeds_m_s());
+    let (speeds, slowly) = (ways.map(|m| m.speeds_m_s()), slow.map(|m| m.speeds_m_s()));
     for (i, leg) in setup.legs.iter().enumerate() {
         let full = leg.no_load_speed_m_s();
         // Nothing moves: what passes the valve leaks.
@@ -330,8 +332,9 @@ fn pass<R: Rig, K: Clock>(
         out.friction_n[i] = 0.5
             * (ways[0].force_n[i] - ways[1].force_n[i])
             * (speeds[0][i] - speeds[1][i]).signum();
-        out.leg_lag_s[i] =
-            (ways[0].leg_error_m[i] - ways[1].leg_error_m[i]) / (speeds[0][i] - speeds[1][i]);
+        let apart = |m: &[Means; 2]| m[0].leg_error_m[i] - m[1].leg_error_m[i];
+        let faster = speeds[0][i] - speeds[1][i] - slowly[0][i] + slowly[1][i];
+        out.leg_lag_s[i] = (apart(&ways) - apart(&slow)) / faster;
     }
     Ok(out)
 }
