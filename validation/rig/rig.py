@@ -37,6 +37,8 @@ from protocol import (
 )
 
 RETRACT_M_S = 0.01
+# From the middle: in the play of its stick nothing touches.
+RETRACT_M = 0.008
 MODELS = Path(__file__).resolve().parents[2] / "models/urdf"
 
 
@@ -76,8 +78,10 @@ class Plate:
             self.leg_force_n = np.array(c.leg_force_n)
         elif c.mode == RETRACT:
             self._rest()
-            self.v = rotation(self.rig.q_b3)[:, 0] * RETRACT_M_S
-            self.p = self.p + self.v * dt
+            p_34, _ = self.rig.docking(self.p, self.q)
+            if p_34[0] <= self.rig.middle_p_34[0] + RETRACT_M:
+                self.v = rotation(self.rig.q_b3)[:, 0] * RETRACT_M_S
+                self.p = self.p + self.v * dt
         elif c.mode in (HOLD, STOP):
             self._rest()
         return self._measure(0 if c.mode == IDLE else ENABLED)

@@ -28,9 +28,9 @@ pub enum Limit {
     Watchdog,
     /// The rig left the commands of its own: safe state, emergency stop, limit switch, switched off.
     Rig,
-    /// A force sensor at the end of its range: what it says then is not the force.
+    /// A sensor at the end of its range, or gone: what it says then is not what is.
     Saturated,
-    /// Measurements in a row in which a force sensor says the same to the last bit.
+    /// Measurements in a row in which a sensor says the same to the last bit.
     Frozen,
     /// A number that is not finite.
     Finite,
@@ -149,7 +149,7 @@ pub struct Watched {
     pub ticks_without: u32,
     /// The rig is not following.
     pub rig_left: bool,
-    /// A force sensor is at the end of its range.
+    /// A sensor is at the end of its range, or gone.
     pub saturated: bool,
     /// See [`Limit::Frozen`].
     pub ticks_frozen: u32,

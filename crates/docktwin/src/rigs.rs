@@ -111,7 +111,7 @@ pub(crate) fn confirm(place: &RigPlace, yes: bool) -> Result<(), Failure> {
 /// What a loop asks of the machine, in real time.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct RealtimeArgs {
-    /// Run in real time on what the machine grants; a verdict is then `degraded`
+    /// Run in real time on what the machine grants, and say so; a verdict is then `degraded`
     #[arg(long)]
     pub(crate) allow_best_effort: bool,
     /// Core to keep to, in real time; whatever else this process does goes elsewhere
@@ -133,6 +133,16 @@ impl RealtimeArgs {
             keep_others_off(core);
         }
         Ok(report)
+    }
+}
+
+impl RealtimeArgs {
+    /// The same, and tells what is lacking.
+    pub(crate) fn apply_aloud(&self) -> Result<(), Failure> {
+        if let Some(lacking) = best_effort(&self.apply()?) {
+            eprintln!("{lacking}");
+        }
+        Ok(())
     }
 }
 

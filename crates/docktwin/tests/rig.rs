@@ -239,7 +239,7 @@ fn invariant_a_rig_is_drawn_back_between_two_dockings() {
     assert_eq!(run("first").0, Some(0));
     let (code, said) = run("second");
     assert_eq!(code, Some(2));
-    assert!(said.contains("joined by the run before") && said.contains("rig retract"), "{said}");
+    assert!(said.contains("since the run before") && said.contains("rig retract"), "{said}");
     let asked = ["rig", "retract", "--rig", &rig.port, "--model", RIG];
     assert_eq!(docktwin(&asked).status.code(), Some(2), "moved without being allowed to");
     let done = docktwin(&[&asked[..], &["--yes", "--json"]].concat());

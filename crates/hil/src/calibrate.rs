@@ -86,6 +86,17 @@ pub enum CalibrateError {
         "sensor B does not feel the motion of the plate: see that it is alive and carries something"
     )]
     Blind,
+    /// The accelerometers do not.
+    #[error(
+        "axis {axis} of the accelerometers feels {gain:.2} times what the plate does: see their axes, \
+         signs and units"
+    )]
+    Accelerometer {
+        /// 0 to 2 along X, Y, Z, 3 to 5 about them.
+        axis: usize,
+        /// Reading over motion.
+        gain: f64,
+    },
     /// The touch was none.
     #[error("the touch was not felt by both sensors: take a larger amplitude, or see the stick")]
     NoTouch,
@@ -295,16 +306,17 @@ pub fn calibrate<R: Rig, K: Clock>(
     let g4 = gravity_4(&place);
     let force = &setup.sensors.force;
     let known = solve(&still, &swings, place.q, g4, force)?;
+    let accelerometer_delay_s = match &setup.sensors.accelerometer {
+        Some(file) => felt_late_s(&swings, place.q, g4, file)?.map(|late_s| file.delay_s + late_s),
+        None => None,
+    };
     let mut out = Calibration {
         place,
         tare_a: tare_a.unwrap_or_default(),
         zero_b: known.zero,
         payload: known.payload,
         delay_s: [None, Some(force.delay_s + known.late_s)],
-        accelerometer_delay_s: setup
-            .sensors
-            .accelerometer
-            .and_then(|file| Some(file.delay_s + felt_late_s(&swings, place.q, g4, &file)?)),
+        accelerometer_delay_s,
         rest: known.rest,
     };
     if let Some(touch) = setup.touch {
@@ -323,10 +335,19 @@ struct Known {
 }
 
 /// By how much later than their own lag the accelerometers are, s, from all sines together.
-fn felt_late_s(swings: &[Swing], q_34: DQuat, g4: DVec3, file: &SixAxisSensor) -> Option<f64> {
+///
+/// # Errors
+/// One of them feels something else than the plate's motion.
+fn felt_late_s(
+    swings: &[Swing],
+    q_34: DQuat,
+    g4: DVec3,
+    file: &SixAxisSensor,
+) -> Result<Option<f64>, CalibrateError> {
     let (mut across, mut square) = (0.0, 0.0);
+    let (mut along, mut squares) = ([0.0; 6], [0.0; 6]);
     for s in swings {
-        let (w, felt) = (s.rate_rad_s, s.felt?);
+        let (w, Some(felt)) = (s.rate_rad_s, s.felt) else { return Ok(None) };
         let feels = s.carried(q_34, g4).map(|c| {
             let [v, w] = c.feels();
             six(v, w)
@@ -335,11 +356,21 @@ fn felt_late_s(swings: &[Swing], q_34: DQuat, g4: DVec3, file: &SixAxisSensor) -
             let m = C::new(feels[0][i], feels[1][i]);
             across -= w * (m.conj() * read).im;
             square += w * w * m.norm_sqr();
+            along[i] += (m.conj() * read).re;
+            squares[i] += m.norm_sqr();
         }
     }
-    let late_s = across / square;
-    late_s.is_finite().then_some(late_s)
+    for axis in 0..6 {
+        let gain = along[axis] / squares[axis];
+        if (gain - 1.0).abs() > LARGEST_GAIN_ERROR || !gain.is_finite() {
+            return Err(CalibrateError::Accelerometer { axis, gain });
+        }
+    }
+    Ok(Some(across / square))
 }
+
+/// Far above the scale factor's tolerance, far below a wrong axis.
+const LARGEST_GAIN_ERROR: f64 = 0.2;
 
 /// A reading before the sensor's lag, brought forward by `late_s`.
 fn unlagged(b: &[C; 6], rate_rad_s: f64, sensor: &SixAxisSensor, late_s: f64) -> [C; 6] {

@@ -59,6 +59,9 @@ pub enum DriveError {
         "the mechanisms are not parted: open the latches by hand, and see what holds the rig back"
     )]
     Joined,
+    /// Drawing back has no end.
+    #[error("the rig goes on drawing back and does not come to rest: see its own controller")]
+    Restless,
     /// A limit was passed.
     #[error(
         "the rig was stopped: {} reached {:.4}, allowed is {:.4}; mend the cause, or take a place \
@@ -85,11 +88,11 @@ const SESSIONS: u32 = 3;
 /// Ticks of rest before, and of stopping after.
 const REST_TICKS: u32 = 20;
 const STOP_TICKS: u32 = 300;
-/// Ticks in which a retraction must have ended, after how many it is looked at again, and those in
-/// which a measurement may be missing.
+/// Ticks in which a retraction must have ended, after how many it is looked at again, and how many looks
+/// it may rest with the mechanisms joined.
 const RETRACT_TICKS: u32 = 60_000;
 const RETRACT_LOOK: u32 = 1000;
-const RETRACT_PATIENCE: u32 = 20;
+const RETRACT_HELD: u32 = 10;
 /// Way between two looks of a rig at rest, m.
 const RETRACT_RESTS_M: f64 = 2e-4;
 /// Commanded poses kept for the tracking error: the command before last is of the present instant.
@@ -241,12 +244,17 @@ impl<R: Rig, K: Clock> Drive<R, K> {
     }
 
     fn judge(&mut self) -> Result<(), DriveError> {
+        let watched = self.watched();
+        self.supervisor.judge(&watched, self.tick).map_or(Ok(()), |t| Err(DriveError::Trip(t)))
+    }
+
+    fn watched(&self) -> Watched {
         let m = &self.last;
         let apart = self.past[1].inverse() * self.x_bp;
         let turned = apart.q.to_scaled_axis().length() * self.platform.plate_radius_m();
         let margins = self.platform.stroke_margins_m(&m.leg_length_m);
         let changed = self.untouched.map_or(0.0, |f| (wrench(&m.sensor_a).f - f).length());
-        let watched = Watched {
+        Watched {
             stroke_margin_m: margins.into_iter().fold(f64::INFINITY, f64::min),
             leg_speed_m_s: largest(&m.leg_speed_m_s),
             leg_force_n: largest(&m.leg_force_n),
@@ -262,8 +270,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             saturated: m.status & (status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED) != 0,
             // Whether a sensor is alive is what is being found out.
             ticks_frozen: 0,
-        };
-        self.supervisor.judge(&watched, self.tick).map_or(Ok(()), |t| Err(DriveError::Trip(t)))
+        }
     }
 
     /// Leads the rig along `motion` (by its own time, s) for `duration_s`, and gives every measurement
@@ -351,31 +358,36 @@ impl<R: Rig, K: Clock> Drive<R, K> {
     }
 
     fn draw_back(&mut self) -> Result<Pose, DriveError> {
-        let (mut was, mut without) = (self.at.p, 0);
+        let (mut was, mut held) = (self.x_bp, 0);
         for i in 1..=RETRACT_TICKS {
-            let fresh = self.still(RigMode::Retract)?;
-            without = if fresh { 0 } else { without + 1 };
-            if without > RETRACT_PATIENCE {
-                return Err(RigError::Gone.into());
+            if self.still(RigMode::Retract)? {
+                let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
+                self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
             }
-            if self.left() || !self.last.has(status::ENABLED) {
-                return Err(DriveError::NotReady);
+            // Nothing was commanded that it could be off, and a run may have ended outside.
+            let watched = Watched { tracking_m: 0.0, pose_half_widths: 0.0, ..self.watched() };
+            if let Some(t) = self.supervisor.judge(&watched, self.tick) {
+                return Err(DriveError::Trip(t));
             }
-            let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
-            self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
-            self.past = [self.x_bp; PAST];
-            self.at = self.platform.docking_from_plate(&self.x_bp);
             if i % RETRACT_LOOK == 0 {
-                let moved_m = (self.at.p - was).length();
-                was = self.at.p;
-                // It begins gently.
-                if i > 2 * RETRACT_LOOK && moved_m < RETRACT_RESTS_M {
-                    let joined = self.last.mechanism[9] > 0.5;
-                    return if joined { Err(DriveError::Joined) } else { Ok(self.at) };
+                let moved = was.inverse() * self.x_bp;
+                let turned_m = moved.q.to_scaled_axis().length() * self.platform.plate_radius_m();
+                was = self.x_bp;
+                // It begins gently, and latches take their time to open.
+                if i > 2 * RETRACT_LOOK && moved.p.length().max(turned_m) < RETRACT_RESTS_M {
+                    if !self.last.joined() {
+                        self.past = [self.x_bp; PAST];
+                        self.at = self.platform.docking_from_plate(&self.x_bp);
+                        return Ok(self.at);
+                    }
+                    held += 1;
+                    if held == RETRACT_HELD {
+                        return Err(DriveError::Joined);
+                    }
                 }
             }
         }
-        Err(DriveError::Joined)
+        Err(if self.last.joined() { DriveError::Joined } else { DriveError::Restless })
     }
 
     fn halt(&mut self) -> Result<(), DriveError> {

@@ -273,7 +273,7 @@ impl<P: RigPlant> EmulatedRig<P> {
         match mode {
             RigMode::Track => self.own = None,
             RigMode::Idle => {
-                if self.own.is_none() {
+                if matches!(self.own, None | Some(Own::Retract { .. })) {
                     self.stop();
                 }
                 // Rings that are joined, or lie on each other, are not parted by switching off.

@@ -10,8 +10,10 @@ use crate::{
     rig::Plant,
 };
 
-/// Speed at which the plate draws back, m/s.
+/// Speed at which the plate draws back, m/s, and how far from the middle, m: in the play of its stick
+/// nothing touches.
 const RETRACT_M_S: f64 = 0.01;
+const RETRACT_M: f64 = 0.008;
 /// By how much the force readings go up and down from tick to tick, N: a sensor that never changes
 /// counts as dead.
 const FLICKER_N: f64 = 1e-9;
@@ -69,6 +71,10 @@ impl IdealRig {
     fn retract(&mut self, period_s: f64) {
         // Away from the rack: +X of `e3` points from the active to the passive mechanism.
         let x_34 = self.platform.docking_from_plate(&self.x_bp);
+        if x_34.p.x > self.docked_m + RETRACT_M {
+            self.rest();
+            return;
+        }
         let back = Twist { v: DVec3::X * RETRACT_M_S, w: DVec3::ZERO };
         self.twist = self.platform.plate_twist(&x_34, &back);
         self.x_bp.p += self.twist.v * period_s;

@@ -331,6 +331,13 @@ impl RigMeasurement {
         self.status & mask == mask
     }
 
+    /// True when the mechanism's sensors say that the rings are joined, or that a latch holds.
+    #[must_use]
+    pub fn joined(&self) -> bool {
+        const LATCHED: f64 = 3.0;
+        self.mechanism[9] > 0.5 || self.mechanism[..3].iter().any(|p| *p > LATCHED - 0.5)
+    }
+
     /// What the accelerometers feel: specific force (m/s²) and angular acceleration (rad/s²).
     #[must_use]
     pub fn felt(&self) -> Option<[DVec3; 2]> {

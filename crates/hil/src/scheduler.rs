@@ -248,7 +248,7 @@ pub struct Running {
     last: RigMeasurement,
     last_ports: Ports,
     without: u32,
-    /// Measurements in a row that repeat the one before, of sensors A and B.
+    /// Measurements in a row that repeat the one before, of sensors A and B and the accelerometers.
     frozen: [u32; 3],
     /// What the accelerometers felt, newest first.
     felt: Option<[[DVec3; 2]; FELT]>,
@@ -593,24 +593,31 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             };
             check(name, passed, found);
         }
-        let joined = last.mechanism[9] > 0.5;
+        let joined = last.joined();
         check(
             "mechanisms",
             !joined,
             if joined {
-                "joined by the run before: draw back with `docktwin rig retract`".to_owned()
+                "joined, or held by a latch, since the run before: draw back with `docktwin rig \
+                 retract`"
+                    .to_owned()
             } else {
-                "apart".to_owned()
+                "not joined".to_owned()
             },
         );
         let found = self.platform.forward(&last.leg_length_m, &self.platform.middle());
         let x_bp = found.ok().map(|f| f.x_bp);
-        if let (Some([felt, _]), Some(x_bp)) = (last.felt(), x_bp) {
+        let needed = self.setup.scheme == SensorScheme::Two;
+        let fitted = self.setup.rig.sensors.is_some_and(|s| s.accelerometer.is_some());
+        if let Some([felt, _]) = last.felt() {
             let rig = &self.setup.rig;
-            let q4 = (x_bp * rig.x_4p.inverse()).q;
-            let off = (felt + q4.conjugate() * rig.gravity_m_s2).length();
+            let weight = |x: Pose| (x * rig.x_4p.inverse()).q.conjugate() * rig.gravity_m_s2;
+            // Without a pose nobody knows where down is; that is told by itself.
+            let off = x_bp.map_or(0.0, |x| (felt + weight(x)).length());
             let alive = samples.iter().any(|m| m.felt() != last.felt());
-            let (passed, found) = if last.has(status::ACCELEROMETER_SATURATED) {
+            let (good, found) = if !fitted {
+                (false, "not in the rig's file: add [sensors.accelerometer] to it".to_owned())
+            } else if last.has(status::ACCELEROMETER_SATURATED) {
                 (false, "saturated: see that nothing strikes the plate".to_owned())
             } else if !alive {
                 (false, "the same to the last bit in every sample: not alive".to_owned())
@@ -619,13 +626,15 @@ impl<R: Rig, K: Clock> Loop<R, K, Idle> {
             } else {
                 (true, format!("alive, off the weight at rest by {off:.3} m/s2"))
             };
-            check("accelerometers", passed, found);
-        }
-        let fitted = self.setup.rig.sensors.is_some_and(|s| s.accelerometer.is_some());
-        if fitted && !last.has(status::ACCELEROMETER) {
-            let needed = self.setup.scheme == SensorScheme::Two;
-            let found = "in the rig's file, but the rig does not tell what they feel".to_owned();
-            check("accelerometers", !needed, found);
+            let found = if good || needed { found } else { format!("not used; {found}") };
+            check("accelerometers", good || !needed, found);
+        } else if fitted {
+            let found = "in the rig's file, but the rig does not tell what they feel";
+            check("accelerometers", !needed, found.to_owned());
+        } else if needed {
+            let found =
+                "none: inertia goes by the commanded motion; with light bodies that diverges";
+            check("accelerometers", true, found.to_owned());
         }
         let from = x_bp.map(|x| self.platform.docking_from_plate(&x));
         let margin = least(&self.platform.stroke_margins_m(&last.leg_length_m));
@@ -831,18 +840,18 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
     /// Keeps a measurement and finds the plate in it. False when its lengths belong to no pose: then
     /// it is judged, and the bodies do without it.
     fn take(&mut self, m: &RigMeasurement) -> bool {
+        let two = self.setup.scheme == SensorScheme::Two;
         let s = &mut self.state;
         let felt = m.felt();
         if let (Some(past), Some(new)) = (&mut s.felt, felt) {
             past.rotate_right(1);
             past[0] = new;
         }
-        // Accelerometers that were there at arming and are gone are as good as frozen.
-        let gone = felt.is_none() || same_bits(&m.plate_acceleration, &s.last.plate_acceleration);
+        let stuck = felt.is_none() || same_bits(&m.plate_acceleration, &s.last.plate_acceleration);
         let same = [
             same_bits(&m.sensor_a, &s.last.sensor_a),
             same_bits(&m.sensor_b, &s.last.sensor_b),
-            s.felt.is_some() && gone,
+            two && s.felt.is_some() && stuck,
         ];
         for (ticks, same) in s.frozen.iter_mut().zip(same) {
             *ticks = if same { *ticks + 1 } else { 0 };
@@ -984,6 +993,15 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
         out
     }
 
+    /// True when sensor B closes the loop and the accelerometers that were there at arming are gone:
+    /// what it carries cannot be taken off any more.
+    fn senseless(&self) -> bool {
+        let s = &self.state;
+        self.setup.scheme == SensorScheme::Two
+            && s.felt.is_some()
+            && !s.last.has(status::ACCELEROMETER)
+    }
+
     /// Bits of sensors that are at the end of their range.
     const fn saturated(&self) -> u32 {
         let force = status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED;
@@ -1042,7 +1060,7 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
                     || m.has(status::EMERGENCY_STOP)
                     || m.has(status::LIMIT_SWITCH)
                     || !m.has(status::ENABLED)),
-            saturated: m.status & self.saturated() != 0,
+            saturated: m.status & self.saturated() != 0 || self.senseless(),
             ticks_frozen: s.frozen.into_iter().fold(0, u32::max),
         };
         self.state.supervisor.judge(&watched, self.tick)

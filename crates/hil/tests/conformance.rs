@@ -133,6 +133,7 @@ macro_rules! conforms {
         invariant_idle_forgets_the_run_before,
         invariant_a_stop_is_left_through_idle_alone,
         invariant_missed_ticks_are_lived_through_in_real_time,
+        invariant_a_retraction_comes_to_rest,
         invariant_silence_ends_in_the_safe_state,
     );)+ };
 }
@@ -318,6 +319,24 @@ mod suite {
             let expected_m = 0.01 * ticks * c.period_ns as f64 * 1e-9;
             assert!((gone_m - expected_m).abs() < 1e-12, "{gone_m} m, not {expected_m} m: {m:?}");
         }
+    }
+
+    /// It goes on by itself, and then rests.
+    pub(super) fn invariant_a_retraction_comes_to_rest(rig: &mut dyn Rig) {
+        let session = new_session();
+        let before = begin(rig, session, start());
+        let mut was = before;
+        let mut way_m = 0.0;
+        for tick in 2..60 {
+            let mut c = command(session, tick, RigMode::Retract, start());
+            c.period_ns = 100 * MS;
+            let m = exchange(rig, &c);
+            way_m = position(&m).distance(position(&was));
+            was = m;
+        }
+        let gone_m = position(&was).distance(position(&before));
+        assert!(way_m == 0.0 && gone_m > 1e-3, "{gone_m} m, and {way_m} m in the last tick");
+        assert!(was.has(status::ENABLED) && !was.joined());
     }
 
     pub(super) fn invariant_silence_ends_in_the_safe_state(rig: &mut dyn Rig) {

@@ -135,8 +135,8 @@ fn oracle_both_schemes_with_the_stick_in_row_3() {
     }
 }
 
-/// What B carries is two thirds of the lightest body: were its inertia taken off by the motion commanded
-/// and not by the one felt, the loop would diverge.
+/// What B carries is as much as the lightest body. With its inertia taken off by the motion felt that does
+/// not matter; by the motion commanded the loop diverges.
 #[test]
 fn oracle_two_sensors_carry_the_lightest_bodies() {
     let stand = Stand::new(None);
@@ -165,6 +165,15 @@ fn oracle_two_sensors_carry_the_lightest_bodies() {
             }
         }
     }
+    let mut without = stand;
+    without.rig.sensors.as_mut().expect("as the model says").accelerometer = None;
+    let test = VibroTest::new(TABLE_4[5], &[Axis::ALL[0].1], &body(), &stick())
+        .expect("as the model says");
+    let rig = InProcess::new(without.emulated(test.system.clone(), &without.middle()));
+    let idle =
+        Loop::new(test.setup(&without.rig, &settings), rig, VirtualClock::new(stand::TICK_NS));
+    let run = test.run(idle, |_| {}).expect("as the model says");
+    assert!(run.trip.is_some(), "by the motion commanded it ran as well");
 }
 
 #[test]
@@ -194,12 +203,16 @@ fn oracle_both_schemes_with_the_docking_mechanism() {
         assert!(a.top[0] > 500.0, "no contact worth the name");
         assert!(a.within());
         if scheme == SensorScheme::Two {
-            assert!(b.within());
+            assert!(b.within() && b.worst[0] < 8.0);
         } else {
             // (12) leaves out that the ring resists: it is for light rings, and nothing else is missing.
             let [ring_n, left_n] = ring_inertia_n(&records, system.ring_mass_kg());
             println!("        inertia of the ring up to {ring_n:.0} N; without it {left_n:.1} N");
-            assert!(ring_n > 100.0 && left_n < 0.05 * ring_n && b.worst[0] < 1.2 * ring_n);
+            assert!(
+                (200.0..300.0).contains(&ring_n)
+                    && left_n < 0.05 * ring_n
+                    && b.worst[0] < 1.2 * ring_n
+            );
         }
     }
 }

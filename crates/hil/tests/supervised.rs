@@ -9,6 +9,7 @@ use common::stick::{Fate, Models, Sent, Spoilt, axis, emulated, models, settings
 use docktwin_control::{
     compensator::Compensation,
     safety::{Limit, SafetyLimits, Trip},
+    sensing::SensorScheme,
 };
 use docktwin_core::{DVec3, Pose};
 use docktwin_hil::{
@@ -17,7 +18,7 @@ use docktwin_hil::{
     port::{Refusal, RigMeasurement, RigMode, status},
     rig::RigError,
     scheduler::{ArmError, Check, Loop, LoopSetup, Phase, TickRecord},
-    vibro::{PERIOD_NS, Row, TABLE_4, VibroTest},
+    vibro::{PERIOD_NS, Row, TABLE_4, VibroSettings, VibroTest},
 };
 use docktwin_physics::{platform::Platform, reduced::Inputs};
 
@@ -26,7 +27,9 @@ fn test(m: &Models) -> VibroTest {
 }
 
 fn setup(m: &Models, test: &VibroTest) -> LoopSetup {
-    test.setup(&m.rig, &settings(Compensation::Lead(0.0018)))
+    let settings = settings(Compensation::Lead(0.0018));
+    // All sensors count.
+    test.setup(&m.rig, &VibroSettings { scheme: SensorScheme::Two, ..settings })
 }
 
 /// Leg lengths within their strokes that belong to no pose.
@@ -88,7 +91,7 @@ fn invariant_every_shortfall_is_refused_with_a_line_of_its_own() {
         .find(|l| platform.stroke_margins_m(l).iter().any(|x| *x < 0.01))
         .expect("an end of the stroke");
     type Case<'a> = (&'a str, &'a str, Box<dyn Fn(&mut RigMeasurement) + 'a>);
-    let cases: [Case<'_>; 15] = [
+    let cases: [Case<'_>; 17] = [
         ("rig", "switch the hydraulics on", Box::new(|m| m.status &= !status::ENABLED)),
         ("rig", "clear its fault", Box::new(|m| m.status |= status::SAFE_STATE)),
         ("emergency stop", "release it", Box::new(|m| m.status |= status::EMERGENCY_STOP)),
@@ -107,6 +110,8 @@ fn invariant_every_shortfall_is_refused_with_a_line_of_its_own() {
             "not alive",
             Box::new(|m| m.plate_acceleration = [9.81, 0.0, 0.0, 0.0, 0.0, 0.0]),
         ),
+        ("accelerometers", "does not tell", Box::new(|m| m.status &= !status::ACCELEROMETER)),
+        ("mechanisms", "rig retract", Box::new(|m| m.mechanism[1] = 3.0)),
         ("accelerometers", "see their axes", Box::new(|m| m.plate_acceleration[0] *= -1.0)),
         ("position", "length sensors", Box::new(|m| m.leg_length_m = [0.0; 6])),
         ("position", "length sensors", Box::new(|m| m.leg_length_m = torn)),
@@ -126,6 +131,30 @@ fn invariant_every_shortfall_is_refused_with_a_line_of_its_own() {
     }
 }
 
+/// With one sensor nothing is taken off that accelerometers feel: theirs is no reason not to run.
+#[test]
+fn invariant_accelerometers_that_are_not_used_are_no_shortfall() {
+    let m = models();
+    let test = test(&m);
+    for spoil in [
+        |m: &mut RigMeasurement| m.plate_acceleration = [0.0; 6],
+        |m: &mut RigMeasurement| m.status &= !status::ACCELEROMETER,
+        |m: &mut RigMeasurement| m.status |= status::ACCELEROMETER_SATURATED,
+    ] {
+        let rig = Spoilt::new(emulated(&m, &test), move |mut x| {
+            spoil(&mut x);
+            Ok(Some(x))
+        });
+        let single = LoopSetup { scheme: SensorScheme::Single, ..setup(&m, &test) };
+        let idle = Loop::new(single, rig, VirtualClock::new(PERIOD_NS));
+        let mut running = idle.arm(Vec::new()).expect("nothing is lacking").start();
+        for _ in 0..100 {
+            let r = running.tick(&Inputs::default()).expect("the rig answers");
+            assert!(r.trip.is_none(), "{:?}", r.trip);
+        }
+    }
+}
+
 #[test]
 fn invariant_all_shortfalls_are_told_at_once() {
     let known = vec![Check { name: "operator", passed: false, found: "not confirmed".to_owned() }];
@@ -138,8 +167,16 @@ fn invariant_all_shortfalls_are_told_at_once() {
         Ok(Some(m))
     });
     let Err(ArmError::Checklist(checks)) = refused else { panic!("{refused:?}") };
-    let expected =
-        ["rig", "emergency stop", "limit switches", "sensor A", "sensor B", "position", "operator"];
+    let expected = [
+        "rig",
+        "emergency stop",
+        "limit switches",
+        "sensor A",
+        "sensor B",
+        "accelerometers",
+        "position",
+        "operator",
+    ];
     assert_eq!(failed(&checks), expected);
     let text = ArmError::Checklist(checks).to_string();
     assert!(expected.iter().all(|name| text.contains(&format!("{name}: "))), "{text}");
@@ -375,7 +412,7 @@ fn invariant_every_fault_of_the_rig_ends_the_run() {
             "accelerometers frozen",
             Box::new(|m| m.plate_acceleration = held.plate_acceleration),
         ),
-        (Limit::Frozen, "accelerometers gone", Box::new(|m| m.status &= !status::ACCELEROMETER)),
+        (Limit::Saturated, "accelerometers gone", Box::new(|m| m.status &= !status::ACCELEROMETER)),
         (
             Limit::Tracking,
             "length sensors slip",

@@ -48,9 +48,7 @@ impl Carried {
         let a = acceleration.v + alpha.cross(arm) + w.cross(w.cross(arm));
         Self { gravity: q * gravity, rate: q * w, acceleration: Twist { v: q * a, w: q * alpha } }
     }
-}
 
-impl Carried {
     /// By accelerometers: they feel acceleration less gravity, which is what bodies resist too.
     #[must_use]
     pub fn felt(specific_force: DVec3, angular_acceleration: DVec3, rate: DVec3) -> Self {
@@ -331,6 +329,7 @@ impl Mounted {
         self.ring.hash_into(h);
         self.state.hash_into(h);
         h.u64(self.steps);
+        h.u64(u64::from(self.open));
     }
 
     /// The chaser's mass-centre frame that has `e3` on the rack, in `eb`.

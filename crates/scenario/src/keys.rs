@@ -233,7 +233,7 @@ pub(crate) const KEYS: &[Key] = &[
         Shape::Words(&["single", "two"], false),
         "Whether F4, M4 come from the rack's sensor by (12), (13), or from a sensor of their own on \
          the plate; without it `single`. (12) leaves out what a moving ring resists by its mass; two \
-         sensors have it, and the drift of both zeros adds up instead.",
+         sensors have it, with accelerometers on the plate, and add up the drift of both zeros.",
     ),
     key(
         "loop.force_limit_n",

@@ -89,7 +89,7 @@ impl<'a> Task<'a> {
         match self.args.clock {
             ClockArg::Virtual => self.drive(rig, VirtualClock::new(PERIOD_NS), work),
             ClockArg::Realtime => {
-                self.args.realtime.apply()?;
+                self.args.realtime.apply_aloud()?;
                 let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
                 let found = self.drive(rig, clock, work);
                 relax();

@@ -21,6 +21,10 @@ use crate::{
     rigs::{PERIOD_NS, RealtimeArgs, RigPlace, confirm, connect, new_session, patience},
 };
 
+/// By how much sensor A may change from the load it begins with, N: what a mechanism bears in tension. More
+/// is a latch that stays shut.
+const MAY_CHANGE_N: f64 = 4000.0;
+
 /// Options of `rig retract`.
 #[derive(Debug, Args)]
 pub(crate) struct RetractArgs {
@@ -54,7 +58,7 @@ pub(super) fn run(args: &RetractArgs, as_json: bool) -> Result<ExitCode, Failure
     let stands = match args.clock {
         ClockArg::Virtual => drawn_back(&model, rig, VirtualClock::new(PERIOD_NS)),
         ClockArg::Realtime => {
-            args.realtime.apply()?;
+            args.realtime.apply_aloud()?;
             let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
             let stands = drawn_back(&model, rig, clock);
             relax();
@@ -63,7 +67,9 @@ pub(super) fn run(args: &RetractArgs, as_json: bool) -> Result<ExitCode, Failure
     };
     let stands = stands.map_err(|e| Failure::Usage {
         what: e.to_string(),
-        remedy: "the rig was stopped; draw it back with its own controller".to_owned(),
+        remedy: "nothing moves any more; mend the cause, or draw the rig back with its own \
+                 controller"
+            .to_owned(),
     })?;
     let p = stands.p;
     if as_json {
@@ -80,7 +86,7 @@ fn drawn_back<K: Clock>(model: &RigModel, rig: IpcRig, clock: K) -> Result<Pose,
         rig: model.clone(),
         feedforward: RigSetup::of_rig(model, preset, None).feedforward(),
         corrections: LegCorrections::default(),
-        limits: SafetyLimits::of_rig(model, f64::INFINITY, f64::INFINITY),
+        limits: SafetyLimits::of_rig(model, MAY_CHANGE_N, f64::INFINITY),
         speed: [0.0; 2],
         session: new_session(),
         patience: patience::<K>(),
