@@ -26,6 +26,17 @@ pub enum Compensation {
     Lead(f64),
 }
 
+impl Compensation {
+    /// Its lead, s.
+    #[must_use]
+    pub const fn lead_s(&self) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Lead(lead_s) => *lead_s,
+        }
+    }
+}
+
 impl Compensator for Compensation {
     fn name(&self) -> &'static str {
         match self {

@@ -52,9 +52,9 @@ pub struct Conditioning {
 impl Conditioning {
     /// Not tared yet.
     #[must_use]
-    pub const fn new(scheme: SensorScheme, payload: Payload, ring_weight: DVec3) -> Self {
-        const NONE: Readings = Readings { a: Wrench::ZERO, b: Wrench::ZERO, ring: DVec3::ZERO };
-        Self { scheme, payload, ring_weight, tare: NONE, sum: NONE, samples: 0 }
+    pub fn new(scheme: SensorScheme, payload: Payload, ring_weight: DVec3) -> Self {
+        let (tare, sum) = (Readings::default(), Readings::default());
+        Self { scheme, payload, ring_weight, tare, sum, samples: 0 }
     }
 
     /// Takes a sample for the tare; nothing touches.
@@ -75,12 +75,6 @@ impl Conditioning {
         let Readings { a, b, ring } = core::mem::take(&mut self.sum);
         self.tare = Readings { a: mean(&a), b: mean(&b), ring: ring / n };
         self.samples = 0;
-    }
-
-    /// The tare: offsets of A and B, and where the ring was.
-    #[must_use]
-    pub const fn offsets(&self) -> &Readings {
-        &self.tare
     }
 
     /// Wrenches at both ports from readings of one instant, at which the mechanisms stood at `x_34`.

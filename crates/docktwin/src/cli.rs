@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::{
     company::{LiveArgs, PilotArgs},
-    rigs::{RealtimeArgs, RigPlace},
+    rigs::{LedArgs, RigPlace},
 };
 
 /// Digital twin of spacecraft docking: rehearse a docking from a scenario file, look at its
@@ -162,9 +162,8 @@ pub(crate) struct HilArgs {
     /// The rig: `emulated` in this process, or `ipc:NAME` in another
     #[arg(long, value_name = "emulated|ipc:NAME")]
     pub(crate) rig: RigPlace,
-    /// What drives the ticks
-    #[arg(long, value_enum, default_value_t = ClockArg::Virtual)]
-    pub(crate) clock: ClockArg,
+    #[command(flatten)]
+    pub(crate) led: LedArgs,
     /// Against the delay of the rig [default: as the scenario says, or lead]
     #[arg(long, value_parser = compensator, value_name = "none|lead")]
     pub(crate) compensator: Option<docktwin_scenario::CompensatorChoice>,
@@ -201,11 +200,6 @@ pub(crate) struct HilArgs {
     /// Slowly to the initial condition and back, with an open gap
     #[arg(long)]
     pub(crate) dry_run: bool,
-    /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
-    #[arg(long)]
-    pub(crate) yes: bool,
-    #[command(flatten)]
-    pub(crate) realtime: RealtimeArgs,
     #[command(flatten)]
     pub(crate) live: LiveArgs,
     #[command(flatten)]
@@ -218,7 +212,7 @@ impl HilArgs {
         Self {
             scenario,
             rig: RigPlace::Emulated,
-            clock: ClockArg::Virtual,
+            led: LedArgs::default(),
             compensator: None,
             lead_ms: None,
             lead_s: None,
@@ -231,8 +225,6 @@ impl HilArgs {
             perturb: None,
             no_rrd: true,
             dry_run: false,
-            yes: false,
-            realtime: RealtimeArgs::default(),
             live: LiveArgs::default(),
             pilot: PilotArgs::default(),
         }
@@ -249,9 +241,10 @@ pub(crate) fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorCh
 }
 
 /// What drives the ticks of a loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ClockArg {
     /// As fast as it goes; a run repeats bit by bit
+    #[default]
     Virtual,
     /// 1 kHz of the machine's clock
     Realtime,

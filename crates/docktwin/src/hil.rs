@@ -23,7 +23,7 @@ use docktwin::{
     telemetry::{CONTACT_N, Watcher, hil_columns, loop_row},
 };
 use docktwin_control::{
-    compensator::{Compensation, Compensator as _},
+    compensator::Compensator as _,
     rig::RigSetup,
     safety::{Limit, SafetyLimits, Trip, half_widths},
     sensing::SensorScheme,
@@ -264,7 +264,7 @@ impl<'a> Prepared<'a> {
         out: &Path,
         json: bool,
     ) -> Result<Summary, Failure> {
-        match args.clock {
+        match args.led.clock {
             ClockArg::Virtual => {
                 self.with_clock(rig, VirtualClock::new(PERIOD_NS), args, out, json)
             }
@@ -351,7 +351,7 @@ impl<'a> Prepared<'a> {
                 },
             });
         }
-        confirm(&args.rig, args.yes)?;
+        confirm(&args.rig, args.led.yes)?;
         out.push(Check {
             name: "operator",
             passed: true,
@@ -366,10 +366,6 @@ impl<'a> Prepared<'a> {
 
     fn metadata(&self, args: &HilArgs) -> BTreeMap<String, String> {
         let compensation = &self.setup.compensation;
-        let lead = match compensation {
-            Compensation::None => 0.0,
-            Compensation::Lead(s) => *s,
-        };
         let mut m: BTreeMap<String, String> = [
             ("tool", "docktwin".to_owned()),
             ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -377,9 +373,9 @@ impl<'a> Prepared<'a> {
             ("scenario", self.scenario.name.clone()),
             ("seed", args.seed.to_string()),
             ("rig", args.rig.to_string()),
-            ("clock", args.clock.name().to_owned()),
+            ("clock", args.led.clock.name().to_owned()),
             ("compensator", compensation.name().to_owned()),
-            ("lead_s", lead.to_string()),
+            ("lead_s", compensation.lead_s().to_string()),
             ("preset", self.preset.word().to_owned()),
             ("perturb", args.perturb.map_or("none".to_owned(), |s| s.to_string())),
             ("tick_nanos", self.scenario.run.tick_nanos.to_string()),
@@ -458,7 +454,7 @@ fn rig_path(args: &HilArgs, scenario: &Scenario) -> Result<PathBuf, Failure> {
 
 /// In real time, and against a rig in another process, no run repeats bit by bit.
 fn repeats(args: &HilArgs) -> bool {
-    (args.clock, &args.rig) == (ClockArg::Virtual, &RigPlace::Emulated)
+    (args.led.clock, &args.rig) == (ClockArg::Virtual, &RigPlace::Emulated)
 }
 
 /// A number for this run: the same one where it is to repeat.
@@ -577,7 +573,7 @@ pub(crate) fn replay(
     mut recorded: impl FnMut() -> Result<Option<RecordedTick>, Failure>,
 ) -> Result<Option<(u64, u64, u64)>, Failure> {
     let of = |key: &str| metadata.get(key).map_or("", String::as_str);
-    if of("rig") != "emulated" || of("clock") != "virtual" {
+    if !docktwin_record::repeats(metadata) {
         return Err(Failure::Usage {
             what: format!(
                 "a run against `{}` with the {} clock does not repeat bit by bit: {}",
@@ -770,7 +766,7 @@ fn in_real_time<R: Rig, K: Clock>(
     std::thread::scope(|scope| {
         // Before the priority is taken: threads started later would share the core.
         let looking = scope.spawn(move || looker(recorder));
-        let out = args.realtime.apply().and_then(|granted| {
+        let out = args.led.realtime.apply().and_then(|granted| {
             let armed = idle.arm(checks).map_err(not_armed)?;
             let checks = armed.checks().to_vec();
             let running = armed.start();

@@ -19,10 +19,10 @@ use docktwin_physics::mechanism::System;
 use docktwin_scenario::{Scenario, load_scenario, resolve_path};
 
 use crate::{
-    cli::{ClockArg, PresetArg},
+    cli::PresetArg,
     commands::overrides,
     failure::Failure,
-    rigs::{RealtimeArgs, RigPlace},
+    rigs::{LedArgs, RealtimeArgs, RigPlace},
 };
 
 /// `rig …`.
@@ -143,20 +143,14 @@ struct MeasureArgs {
     model: PathBuf,
     #[command(flatten)]
     built: BuiltArgs,
-    /// What drives the ticks
-    #[arg(long, value_enum, default_value_t = ClockArg::Virtual)]
-    clock: ClockArg,
+    #[command(flatten)]
+    led: LedArgs,
     /// Where, X of the origin of e4 from the middle, mm [default: 0 for a spring stick, else 200]
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     at_x_mm: Option<f64>,
     /// File [default: calibrations/<rig>-<command>-<utc>.toml]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
-    #[arg(long)]
-    yes: bool,
-    #[command(flatten)]
-    realtime: RealtimeArgs,
 }
 
 /// Options of `rig calibrate`.

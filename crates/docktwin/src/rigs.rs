@@ -9,7 +9,7 @@ use std::{
 };
 
 use clap::Args;
-use docktwin::rigfile::{CalibrationFile, IdentificationFile, Read, read};
+use docktwin::rigfile::{CalibrationFile, IdentificationFile, Read, RigFile, read};
 use docktwin_control::compensator::{Compensation, MOST_LEAD_S};
 use docktwin_hil::{
     calibrate::Calibration,
@@ -21,7 +21,7 @@ use docktwin_hil::{
 use docktwin_model::Rig as RigModel;
 use docktwin_scenario::CompensatorChoice;
 
-use crate::failure::Failure;
+use crate::{cli::ClockArg, failure::Failure};
 
 pub(crate) use docktwin_hil::vibro::PERIOD_NS;
 
@@ -108,6 +108,19 @@ pub(crate) fn confirm(place: &RigPlace, yes: bool) -> Result<(), Failure> {
     })
 }
 
+/// How a rig is led, and with whose leave.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct LedArgs {
+    /// What drives the ticks
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) clock: ClockArg,
+    /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
+    #[arg(long)]
+    pub(crate) yes: bool,
+    #[command(flatten)]
+    pub(crate) realtime: RealtimeArgs,
+}
+
 /// What a loop asks of the machine, in real time.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct RealtimeArgs {
@@ -134,9 +147,7 @@ impl RealtimeArgs {
         }
         Ok(report)
     }
-}
 
-impl RealtimeArgs {
     /// The same, and tells what is lacking.
     pub(crate) fn apply_aloud(&self) -> Result<(), Failure> {
         if let Some(lacking) = best_effort(&self.apply()?) {
@@ -169,13 +180,18 @@ pub(crate) fn compensation(
     })
 }
 
+fn made_for<T: RigFile>(path: &Path, rig: &RigModel) -> Result<Read<T>, Failure> {
+    let file = read::<T>(path)?;
+    file.made_for(rig)?;
+    Ok(file)
+}
+
 /// A file of `rig identify` that was made for this rig.
 pub(crate) fn identification(
     path: &Path,
     rig: &RigModel,
 ) -> Result<(Read<IdentificationFile>, Identification), Failure> {
-    let file = read::<IdentificationFile>(path)?;
-    file.made_for(rig)?;
+    let file = made_for::<IdentificationFile>(path, rig)?;
     let found = file.content.identification().ok_or_else(|| Failure::Usage {
         what: format!(
             "a leg is missing or too many, or a response has no amplitude: {}",
@@ -191,8 +207,7 @@ pub(crate) fn calibration(
     path: &Path,
     rig: &RigModel,
 ) -> Result<(Read<CalibrationFile>, Calibration), Failure> {
-    let file = read::<CalibrationFile>(path)?;
-    file.made_for(rig)?;
+    let file = made_for::<CalibrationFile>(path, rig)?;
     let found = file.content.calibration();
     Ok((file, found))
 }

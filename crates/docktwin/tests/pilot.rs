@@ -106,23 +106,16 @@ fn invariant_a_piloted_run_replays_bit_by_bit() {
     replays_identically(&dir, ticks);
 }
 
+const LOOP: [&str; 6] =
+    ["hil", "scenarios/vibro_impact.toml", "--rig", "emulated", "--no-rrd", "--pilot-hold=60"];
+
 /// The same against the emulated rig: pushed from the run-up on, ended by the pilot in the closed loop.
 #[test]
 fn invariant_a_piloted_run_against_a_rig_replays_bit_by_bit() {
     let at = tempfile::tempdir().expect("a folder");
     let dir = at.path().join("flown");
     let path = dir.to_str().expect("a path of text");
-    let words = [
-        "hil",
-        "scenarios/vibro_impact.toml",
-        "--rig",
-        "emulated",
-        "--no-rrd",
-        "--pilot",
-        "--pilot-hold=60",
-        "--out",
-        path,
-    ];
+    let words = [&LOOP[..], &["--pilot", "--out", path]].concat();
     let done = python(&["settle>w|F1 +41>q"], &words);
     let text = String::from_utf8_lossy(&done.stdout);
     assert!(text.contains("terminal restored") && text.contains("steps left []"), "{text}");
@@ -144,20 +137,8 @@ fn invariant_a_pilot_in_real_time_sees_where_he_is() {
     let at = tempfile::tempdir().expect("a folder");
     let dir = at.path().join("flown");
     let path = dir.to_str().expect("a path of text");
-    let words = [
-        "hil",
-        "scenarios/vibro_impact.toml",
-        "--rig",
-        "emulated",
-        "--clock",
-        "realtime",
-        "--allow-best-effort",
-        "--no-rrd",
-        "--pilot",
-        "--pilot-hold=60",
-        "--out",
-        path,
-    ];
+    let timed = ["--clock", "realtime", "--allow-best-effort", "--pilot", "--out", path];
+    let words = [&LOOP[..], &timed].concat();
     let done = python(&["settle>w|F1 +41>q"], &words);
     let text = String::from_utf8_lossy(&done.stdout);
     assert!(text.contains("terminal restored") && text.contains("steps left []"), "{text}");

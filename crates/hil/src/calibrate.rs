@@ -133,10 +133,13 @@ impl Calibration {
     /// Lag of sensor B less that of the accelerometers, s; by the file where nothing was calibrated.
     #[must_use]
     pub fn accelerometers_ahead_s(&self, file: &RigSensors) -> f64 {
-        file.accelerometer.map_or(0.0, |a| {
-            let delay_s = self.accelerometer_delay_s.unwrap_or(a.delay_s);
-            let felt = SixAxisSensor { delay_s, ..a };
-            self.lag_s(1, &file.force) - sensor_interface(&felt).lag_s()
+        accelerometers_ahead_s(&RigSensors {
+            force: self.sensor(1, &file.force),
+            accelerometer: file.accelerometer.map(|a| SixAxisSensor {
+                delay_s: self.accelerometer_delay_s.unwrap_or(a.delay_s),
+                ..a
+            }),
+            ..*file
         })
     }
 

@@ -148,8 +148,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         out.clock.start();
         for _ in 0..SESSIONS {
             if out.gets_ready()? {
-                let found = out.platform.forward(&out.last.leg_length_m, &out.x_bp);
-                out.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+                out.look()?;
                 out.at = out.platform.docking_from_plate(&out.x_bp);
                 out.past = [out.x_bp; PAST];
                 out.untouched = Some(wrench(&out.last.sensor_a).f);
@@ -243,9 +242,15 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         Ok(out)
     }
 
-    fn judge(&mut self) -> Result<(), DriveError> {
-        let watched = self.watched();
-        self.supervisor.judge(&watched, self.tick).map_or(Ok(()), |t| Err(DriveError::Trip(t)))
+    /// Finds the plate in the last measurement.
+    fn look(&mut self) -> Result<(), DriveError> {
+        let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
+        self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+        Ok(())
+    }
+
+    fn judge(&mut self, watched: &Watched) -> Result<(), DriveError> {
+        self.supervisor.judge(watched, self.tick).map_or(Ok(()), |t| Err(DriveError::Trip(t)))
     }
 
     fn watched(&self) -> Watched {
@@ -304,10 +309,9 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             let (due_ns, fresh) = self.next()?;
             let start_ns = *start.get_or_insert(due_ns);
             if fresh {
-                let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
-                self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+                self.look()?;
             }
-            self.judge()?;
+            self.judge(&self.watched())?;
             if fresh && self.last.stamp_ns >= start_ns {
                 take(&Sample {
                     time_s: seconds(self.last.stamp_ns - start_ns),
@@ -361,14 +365,11 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         let (mut was, mut held) = (self.x_bp, 0);
         for i in 1..=RETRACT_TICKS {
             if self.still(RigMode::Retract)? {
-                let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
-                self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+                self.look()?;
             }
             // Nothing was commanded that it could be off, and a run may have ended outside.
             let watched = Watched { tracking_m: 0.0, pose_half_widths: 0.0, ..self.watched() };
-            if let Some(t) = self.supervisor.judge(&watched, self.tick) {
-                return Err(DriveError::Trip(t));
-            }
+            self.judge(&watched)?;
             if i % RETRACT_LOOK == 0 {
                 let moved = was.inverse() * self.x_bp;
                 let turned_m = moved.q.to_scaled_axis().length() * self.platform.plate_radius_m();

@@ -842,16 +842,14 @@ impl<R: Rig, K: Clock> Loop<R, K, Running> {
     fn take(&mut self, m: &RigMeasurement) -> bool {
         let two = self.setup.scheme == SensorScheme::Two;
         let s = &mut self.state;
-        let felt = m.felt();
-        if let (Some(past), Some(new)) = (&mut s.felt, felt) {
+        if let (Some(past), Some(new)) = (&mut s.felt, m.felt()) {
             past.rotate_right(1);
             past[0] = new;
         }
-        let stuck = felt.is_none() || same_bits(&m.plate_acceleration, &s.last.plate_acceleration);
         let same = [
             same_bits(&m.sensor_a, &s.last.sensor_a),
             same_bits(&m.sensor_b, &s.last.sensor_b),
-            two && s.felt.is_some() && stuck,
+            two && s.felt.is_some() && same_bits(&m.plate_acceleration, &s.last.plate_acceleration),
         ];
         for (ticks, same) in s.frozen.iter_mut().zip(same) {
             *ticks = if same { *ticks + 1 } else { 0 };

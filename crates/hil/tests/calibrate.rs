@@ -1,10 +1,13 @@
 //! `rig calibrate` against the truth of drawn rigs, through the port.
 
+mod common;
 mod stand;
 
+use common::stick::Spoilt;
 use docktwin_hil::{
-    calibrate::{CalibrateSetup, Calibration, Touch, calibrate},
+    calibrate::{CalibrateError, CalibrateSetup, Calibration, Touch, calibrate},
     emulated::SENSOR_STREAM,
+    port::RigMeasurement,
     scheduler::LegCorrections,
 };
 use docktwin_physics::{mechanism::System, sensor::SensorParameters};
@@ -84,5 +87,28 @@ fn oracle_a_touch_finds_the_skew_of_the_sensor_on_the_rack() {
         let found = calibrated(&stand, true);
         assert!(found.delay_s[0].is_some());
         judge(&stand, &found, seed);
+    }
+}
+
+/// Gravity lies along X: that Y and Z are interchanged, or an axis about which nothing turns at rest is
+/// wired the wrong way round, shows in motion alone.
+#[test]
+fn invariant_a_wrong_axis_of_the_accelerometers_is_found() {
+    let stand = Stand::new(None);
+    let place = stand.middle();
+    let setup = CalibrateSetup::at(place, stand.rig.sensors.expect("as the model says"));
+    for (spoil, axis) in [
+        ((|x: &mut [f64; 6]| x.swap(1, 2)) as fn(&mut [f64; 6]), 1),
+        (|x| x[2] = -x[2], 2),
+        (|x| x[4] = -x[4], 4),
+    ] {
+        let rig = Spoilt::new(stand.emulated(free_stick(), &place), |mut m: RigMeasurement| {
+            spoil(&mut m.plate_acceleration);
+            Ok(Some(m))
+        });
+        let mut drive = stand.lead(rig, LegCorrections::default());
+        let found = calibrate(&mut drive, &setup).expect_err("an axis is wrong");
+        let CalibrateError::Accelerometer { axis: told, .. } = found else { panic!("{found}") };
+        assert_eq!(told, axis);
     }
 }

@@ -4,18 +4,15 @@
 mod common;
 mod stand;
 
-use std::time::Duration;
-
 use common::stick::{Fate, Spoilt};
-use docktwin_control::safety::{Limit, SafetyLimits};
+use docktwin_control::safety::Limit;
 use docktwin_core::{DQuat, DVec3, Pose};
 use docktwin_hil::{
-    clock::VirtualClock,
-    drive::{Drive, DriveError, DriveSetup},
+    drive::DriveError,
     port::{RigMeasurement, RigMode},
     scheduler::LegCorrections,
 };
-use stand::{Stand, TICK_NS, free_stick};
+use stand::{Stand, free_stick};
 
 /// Draws back from `from`, every measurement spoilt; the modes that were sent, too.
 fn drawn_back(
@@ -25,16 +22,7 @@ fn drawn_back(
     let stand = Stand::new(None);
     let rig = Spoilt::new(stand.emulated(free_stick(), from), spoil);
     let sent = rig.sent.clone();
-    let setup = DriveSetup {
-        rig: stand.rig.clone(),
-        feedforward: stand.believed().feedforward(),
-        corrections: LegCorrections::default(),
-        limits: SafetyLimits::of_rig(&stand.rig, 500.0, f64::INFINITY),
-        speed: [0.0; 2],
-        session: 7,
-        patience: Duration::ZERO,
-    };
-    let mut drive = Drive::start(setup, rig, VirtualClock::new(TICK_NS)).expect("it is ready");
+    let mut drive = stand.lead(rig, LegCorrections::default());
     (drive.retract(), sent.take())
 }
 

@@ -37,6 +37,8 @@ mod summary;
 mod table;
 mod writer;
 
+use std::collections::BTreeMap;
+
 pub use column::{Cell, Column, ColumnKind, ColumnProblem, ContactRow};
 pub use compare::{
     Align, ColumnComparison, CompareOptions, Comparison, StateComparison, Tolerance, compare,
@@ -59,6 +61,14 @@ pub use writer::{Policy, RunWriter};
 
 /// Version of the layout of `run.mcap`; a reader refuses a newer one.
 pub const RECORD_SCHEMA: u32 = 1;
+
+/// Whether a run with this metadata repeats bit by bit: not what kept real time, nor what ran against a rig
+/// in another process. What says nothing of either was rehearsed.
+#[must_use]
+pub fn repeats(metadata: &BTreeMap<String, String>) -> bool {
+    let is = |key: &str, repeating: &str| metadata.get(key).is_none_or(|x| x == repeating);
+    is("clock", "virtual") && is("rig", "emulated")
+}
 
 /// File names in a run directory.
 pub mod files {

@@ -196,9 +196,9 @@ fn summary(run: &Run) -> Markup {
                             @if let Some(r) = &s.recording {
                                 (row("recording", format!(
                                     "{}, {} lost, {} lost",
-                                    words::count(usize::try_from(r.ticks).unwrap_or(usize::MAX), "tick", "ticks"),
-                                    words::count(usize::try_from(r.dropped_ticks).unwrap_or(usize::MAX), "tick", "ticks"),
-                                    words::count(usize::try_from(r.dropped_events).unwrap_or(usize::MAX), "event", "events"),
+                                    words::count(r.ticks, "tick", "ticks"),
+                                    words::count(r.dropped_ticks, "tick", "ticks"),
+                                    words::count(r.dropped_events, "event", "events"),
                                 )))
                             }
                             (row("seed", s.seed.to_string()))
@@ -297,7 +297,6 @@ fn rig_loop(run: &Run) -> Markup {
     let ratio = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{x:.4}"));
     let part =
         |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{} %", words::three(x * 100.0)));
-    let ticks = |n: u64| words::count(usize::try_from(n).unwrap_or(usize::MAX), "tick", "ticks");
     let timed = l.lateness_us.max > 0.0;
     html! {
         div.card {
@@ -317,7 +316,7 @@ fn rig_loop(run: &Run) -> Markup {
                         us(l.lateness_us.p50), us(l.lateness_us.p99), us(l.lateness_us.max)
                     )))
                 }
-                (row("left out", ticks(l.missed)))
+                (row("left out", words::count(l.missed, "tick", "ticks")))
                 @if let Some(f) = &s.fidelity {
                     (row("R_e, R_T", format!("{}, {}", ratio(f.R_e), ratio(f.R_T))))
                     (row("largest force", ratio(f.peak_force_ratio)))
@@ -336,12 +335,6 @@ fn rig_loop(run: &Run) -> Markup {
             }
         }
     }
-}
-
-/// What repeats bit by bit: not what kept real time, nor what ran against a rig in another process.
-fn repeats(run: &Run) -> bool {
-    let is = |key: &str, repeating: &str| run.metadata.get(key).is_none_or(|x| x == repeating);
-    is("clock", "virtual") && is("rig", "emulated")
 }
 
 fn energy(run: &Run) -> Markup {
@@ -394,7 +387,7 @@ fn again(run: &Run) -> Markup {
     html! {
         div.card.wide {
             h3 { "Run it again" }
-            @if !repeats(run) {
+            @if !docktwin_record::repeats(&run.metadata) {
                 p.small { "A run in real time, or against a rig in another process, does not repeat bit by bit. Run the scenario again and see how far apart both are:" }
                 pre { code { "docktwin diff " (quoted(&dir)) " OTHER-RUN --tolerance 1e-2 --align first-contact" } }
             } @else if run.incomplete.is_none() {

@@ -93,8 +93,12 @@ pub(crate) fn bytes(n: u64) -> String {
 }
 
 /// `1 touch`, `3 touches`
-pub(crate) fn count(n: usize, one: &str, many: &str) -> String {
-    if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
+pub(crate) fn count<N: core::fmt::Display + PartialEq + From<u8>>(
+    n: N,
+    one: &str,
+    many: &str,
+) -> String {
+    if n == N::from(1) { format!("1 {one}") } else { format!("{n} {many}") }
 }
 
 #[cfg(test)]

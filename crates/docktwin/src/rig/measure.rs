@@ -3,6 +3,7 @@
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
+    time::Duration,
 };
 
 use docktwin::rigfile::{CalibrationFile, DOFS, IdentificationFile, Origin, RigFile, write};
@@ -23,7 +24,7 @@ use super::{CalibrateArgs, IdentifyArgs, MeasureArgs, Stand};
 use crate::{
     cli::ClockArg,
     failure::Failure,
-    rigs::{PERIOD_NS, RigPlace, confirm, connect, identification, new_session, patience},
+    rigs::{LedArgs, PERIOD_NS, RigPlace, confirm, connect, identification, new_session, patience},
 };
 
 /// From place to place, m/s and rad/s.
@@ -40,14 +41,46 @@ const TOUCH_HZ: f64 = 2.0;
 fn failed(e: &dyn core::fmt::Display) -> Failure {
     Failure::Usage {
         what: e.to_string(),
-        remedy: "the rig was stopped; nothing was written".to_owned(),
+        remedy: "the rig was stopped, and nothing was written".to_owned(),
     }
 }
 
 /// What is done with a rig on the lead.
-trait Work {
+pub(super) trait Work {
     type Found;
     fn work<R: Rig, K: Clock>(&self, drive: &mut Drive<R, K>) -> Result<Self::Found, Failure>;
+}
+
+/// Takes a rig over, does the work by the clock that was asked for, and lets the rig go.
+pub(super) fn lead<R: Rig, W: Work>(
+    rig: R,
+    led: &LedArgs,
+    setup: DriveSetup,
+    work: &W,
+) -> Result<W::Found, Failure> {
+    match led.clock {
+        ClockArg::Virtual => with_clock(rig, VirtualClock::new(PERIOD_NS), setup, work),
+        ClockArg::Realtime => {
+            led.realtime.apply_aloud()?;
+            let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
+            let found = with_clock(rig, clock, setup, work);
+            relax();
+            found
+        }
+    }
+}
+
+fn with_clock<R: Rig, K: Clock, W: Work>(
+    rig: R,
+    clock: K,
+    setup: DriveSetup,
+    work: &W,
+) -> Result<W::Found, Failure> {
+    let setup = DriveSetup { patience: patience::<K>(), ..setup };
+    let mut drive = Drive::start(setup, rig, clock).map_err(|e| failed(&e))?;
+    let found = work.work(&mut drive)?;
+    drive.finish().map_err(|e| failed(&e))?;
+    Ok(found)
 }
 
 /// A rig and where it is measured.
@@ -75,48 +108,24 @@ impl<'a> Task<'a> {
     }
 
     fn run<W: Work>(&self, work: &W) -> Result<W::Found, Failure> {
-        confirm(&self.args.rig, self.args.yes)?;
+        confirm(&self.args.rig, self.args.led.yes)?;
+        let rig = &self.stand.rig;
+        let setup = DriveSetup {
+            rig: rig.clone(),
+            feedforward: RigSetup::of_rig(rig, self.stand.preset, None).feedforward(),
+            corrections: self.corrections,
+            limits: SafetyLimits::of_rig(rig, self.may_change_n, f64::INFINITY),
+            speed: MOVE,
+            session: new_session(),
+            patience: Duration::ZERO,
+        };
         match &self.args.rig {
             RigPlace::Emulated => {
                 let plant = self.stand.emulated(&self.args.built, &self.place)?;
-                self.with_clock(InProcess::new(plant), work)
+                lead(InProcess::new(plant), &self.args.led, setup, work)
             }
-            RigPlace::Port(name) => self.with_clock(connect(name)?, work),
+            RigPlace::Port(name) => lead(connect(name)?, &self.args.led, setup, work),
         }
-    }
-
-    fn with_clock<R: Rig, W: Work>(&self, rig: R, work: &W) -> Result<W::Found, Failure> {
-        match self.args.clock {
-            ClockArg::Virtual => self.drive(rig, VirtualClock::new(PERIOD_NS), work),
-            ClockArg::Realtime => {
-                self.args.realtime.apply_aloud()?;
-                let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
-                let found = self.drive(rig, clock, work);
-                relax();
-                found
-            }
-        }
-    }
-
-    fn drive<R: Rig, K: Clock, W: Work>(
-        &self,
-        rig: R,
-        clock: K,
-        work: &W,
-    ) -> Result<W::Found, Failure> {
-        let setup = DriveSetup {
-            rig: self.stand.rig.clone(),
-            feedforward: self.believed().feedforward(),
-            corrections: self.corrections,
-            limits: SafetyLimits::of_rig(&self.stand.rig, self.may_change_n, f64::INFINITY),
-            speed: MOVE,
-            session: new_session(),
-            patience: patience::<K>(),
-        };
-        let mut drive = Drive::start(setup, rig, clock).map_err(|e| failed(&e))?;
-        let found = work.work(&mut drive)?;
-        drive.finish().map_err(|e| failed(&e))?;
-        Ok(found)
     }
 
     fn origin(&self) -> Origin {

@@ -34,8 +34,8 @@ use crate::{
     cli::{ClockArg, PresetArg, compensator, not_negative},
     failure::{Failure, OTHERWISE},
     rigs::{
-        PERIOD_NS, RealtimeArgs, RigPlace, best_effort, compensation, confirm, connect,
-        new_session, patience,
+        LedArgs, PERIOD_NS, RigPlace, best_effort, compensation, confirm, connect, new_session,
+        patience,
     },
 };
 
@@ -95,14 +95,8 @@ pub(crate) struct VibroArgs {
     /// The rig: `emulated` in this process, or `ipc:NAME` in another, which must have the stick
     #[arg(long, value_name = "emulated|ipc:NAME", default_value_t = RigPlace::Emulated)]
     rig: RigPlace,
-    /// What drives the ticks
-    #[arg(long, value_enum, default_value_t = ClockArg::Virtual)]
-    clock: ClockArg,
-    /// Confirm beforehand that the emergency stop was tested and nobody is near the rig
-    #[arg(long)]
-    yes: bool,
     #[command(flatten)]
-    realtime: RealtimeArgs,
+    led: LedArgs,
     /// TOML of the rig
     #[arg(long, value_name = "RIG.toml", default_value = "models/urdf/stewart.toml")]
     model: PathBuf,
@@ -205,7 +199,7 @@ struct Bench<'a> {
 /// Runs the command.
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
     let bench = Bench::new(args)?;
-    confirm(&args.rig, args.yes)?;
+    confirm(&args.rig, args.led.yes)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
     let axes = if args.axis.is_empty() {
         vec![axes("x"), axes("y")].into_iter().flatten().collect()
@@ -318,10 +312,10 @@ impl<'a> Bench<'a> {
         rig: R,
         session: u64,
     ) -> Result<(VibroRun, Kept), Failure> {
-        match self.args.clock {
+        match self.args.led.clock {
             ClockArg::Virtual => self.with_clock(test, rig, VirtualClock::new(PERIOD_NS), session),
             ClockArg::Realtime => {
-                let lacking = best_effort(&self.args.realtime.apply()?);
+                let lacking = best_effort(&self.args.led.realtime.apply()?);
                 let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
                 let out = self.with_clock(test, rig, clock, session);
                 relax();
@@ -434,13 +428,10 @@ fn answer(bench: &Bench<'_>, tested: &[Tested]) -> Value {
             })
         })
         .collect();
-    let lead_s = match bench.compensation {
-        Compensation::None => 0.0,
-        Compensation::Lead(s) => s,
-    };
+    let lead_s = bench.compensation.lead_s();
     json!({
         "rig": bench.args.rig.to_string(), "model": bench.args.model.to_string_lossy(),
-        "preset": bench.preset.word(), "clock": bench.args.clock.name(),
+        "preset": bench.preset.word(), "clock": bench.args.led.clock.name(),
         "compensator": bench.compensation.name(), "lead_s": lead_s,
         "sensors": bench.args.sensors, "tests": tests,
     })
@@ -504,7 +495,7 @@ fn words(bench: &Bench<'_>, tested: &[Tested]) -> String {
         } else if t.run.contacts.is_empty() {
             let _ = writeln!(out, "{:11} {:4} no whole contact", t.axis, t.case);
         }
-        if bench.args.clock == ClockArg::Realtime {
+        if bench.args.led.clock == ClockArg::Realtime {
             let k = &t.kept;
             let _ = writeln!(
                 out,

@@ -70,6 +70,15 @@ impl Stand {
         at: &Pose,
         corrections: LegCorrections,
     ) -> Drive<InProcess<EmulatedRig>, VirtualClock> {
+        self.lead(InProcess::new(self.emulated(system, at)), corrections)
+    }
+
+    /// Leads any rig as this one.
+    pub(crate) fn lead<R: docktwin_hil::rig::Rig>(
+        &self,
+        rig: R,
+        corrections: LegCorrections,
+    ) -> Drive<R, VirtualClock> {
         let setup = DriveSetup {
             rig: self.rig.clone(),
             feedforward: self.believed().feedforward(),
@@ -79,7 +88,6 @@ impl Stand {
             session: 7,
             patience: Duration::ZERO,
         };
-        let rig = InProcess::new(self.emulated(system, at));
         Drive::start(setup, rig, VirtualClock::new(TICK_NS)).expect("as the model says")
     }
 
