@@ -1,17 +1,13 @@
 //! Whole-system tests live in `tests/`; here is what they share.
 //!
-//! A scenario becomes bodies and control wrenches as in the command line, but without a recording:
-//! what is tested here are the twins.
+//! A scenario runs as everywhere, without a recording: what is tested here are the twins.
 
-use docktwin::{
-    setup::{inputs, thrust_ahead},
-    signals::Instant,
-};
 use docktwin_core::Pose;
 use docktwin_physics::{
-    outcome::{Judgement, Monitor},
-    reduced::{DockingState, DockingTwin},
+    outcome::Judgement,
+    reduced::{DockingState, Inputs},
 };
+use docktwin_run::{Rehearsal, RehearsalOptions, RunError, SummaryOnly, TwinKind};
 use docktwin_scenario::Scenario;
 
 /// What a twin made of a scenario.
@@ -41,38 +37,26 @@ impl Story {
     }
 }
 
-/// Runs a scenario with `steps` physics steps of `h` seconds in a tick, until it is decided or over.
-#[must_use]
-pub fn tell<T: DockingTwin>(scenario: &Scenario, mut twin: T, steps: u32, h: f64) -> Story {
-    let ticks = scenario.run.ticks();
-    let mut monitor = Monitor::default();
+/// Runs a scenario until it is decided or over.
+///
+/// # Errors
+/// The sides overlap at the start.
+pub fn run(scenario: &Scenario, twin: TwinKind) -> Result<Story, RunError> {
+    let options = RehearsalOptions { twin, ..RehearsalOptions::default() };
+    let mut run = Rehearsal::with(scenario, options)?.begin(SummaryOnly)?;
     let mut relative = Vec::new();
     let (mut first_contact_tick, mut capture_tick) = (None, None);
-    let mut tick = 0;
-    loop {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-        let time_s = (tick * scenario.run.tick_nanos) as f64 / 1e9;
-        let state = twin.state();
-        let now = Instant::new(twin.system(), &state, time_s, h);
-        monitor.observe(twin.system().mechanism(), &state.mechanism, &now.observation(time_s));
-        let frames = *now.measured.poses();
-        if state.first_contact_s.is_some() {
+    while !run.ended() {
+        let now = run.situation();
+        if now.first_contact_s.is_some() {
             first_contact_tick.get_or_insert(relative.len());
         }
-        if state.mechanism.captured_s().is_some() {
+        if now.captured_s.is_some() {
             capture_tick.get_or_insert(relative.len());
         }
-        relative.push(frames.x_w3.inverse() * frames.x_w4);
-        let decided = scenario.run.stop_when_decided
-            && monitor.decided(time_s, thrust_ahead(&scenario.thrusts, &state, time_s));
-        if tick == ticks || monitor.limit().is_some() || decided {
-            let judgement = monitor.judge(time_s);
-            return Story { relative, first_contact_tick, capture_tick, last: state, judgement };
-        }
-        let control = inputs(&scenario.thrusts, &state, time_s);
-        for _ in 0..steps {
-            twin.step(&control);
-        }
-        tick += 1;
+        relative.push(now.x_34);
+        run.tick(&Inputs::default());
     }
+    let last = run.now().state.clone();
+    Ok(Story { relative, first_contact_tick, capture_tick, last, judgement: run.judgement() })
 }

@@ -22,7 +22,13 @@ const UNCHECKED: [&str; 3] = [
 
 /// What a word of the column "never sees" means: dependencies (a name, or a prefix before `*`) and
 /// words of the source.
-const NEVER: [(&str, &[&str], &[&str]); 7] = [
+const NEVER: [(&str, &[&str], &[&str]); 9] = [
+    ("the command line", &["clap*"], &["clap::"]),
+    (
+        "terminals",
+        &["crossterm", "indicatif", "console", "termcolor", "miette"],
+        &["println!", "eprintln!", "print!", "eprint!", "IsTerminal", "stdout()", "stderr()"],
+    ),
     ("rapier", &["rapier*"], &["rapier3d"]),
     ("rerun", &["rerun*", "re_*"], &["rerun::"]),
     ("files", &["tempfile", "memmap*"], &["std::fs", "fs::", "File::", "OpenOptions"]),

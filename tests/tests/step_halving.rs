@@ -2,31 +2,26 @@
 
 use std::path::Path;
 
-use docktwin::setup::start;
-use docktwin_physics::reduced::{DockingState, ReducedTwin};
-use docktwin_scenario::load_scenario;
-use docktwin_tests::tell;
-use docktwin_twin::FullTwin;
+use docktwin_physics::reduced::DockingState;
+use docktwin_run::TwinKind;
+use docktwin_scenario::Loader;
+use docktwin_tests::run;
 
-fn run(name: &str, steps: u32, full: bool) -> DockingState {
+fn last(name: &str, steps: u32, twin: TwinKind) -> DockingState {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios").join(name);
     // Capture is over long before; the rest of the attenuation has its own tests.
-    let short = [("run.duration_s".to_owned(), "4.0".to_owned())];
-    let scenario = load_scenario(&path, &short).expect("a good scenario");
-    let h = 1e-3 / f64::from(steps);
-    let (system, bodies) = start(&scenario).expect("the sides are apart");
-    if full {
-        tell(&scenario, FullTwin::new(system, bodies, h), steps, h).last
-    } else {
-        tell(&scenario, ReducedTwin::new(system, bodies, h), steps, h).last
-    }
+    let short = Loader::new().set("run.duration_s", 4.0).set("run.tick_s", 1e-3);
+    let scenario =
+        short.set("run.steps_per_tick", i64::from(steps)).load(&path).expect("a good scenario");
+    run(&scenario, twin).expect("the sides are apart").last
 }
 
 #[test]
 fn invariant_halving_the_step_changes_little() {
     for name in ["apas_nominal.toml", "apas_fast.toml"] {
-        for (twin, full, steps) in [("full", true, 5), ("reduced", false, 10)] {
-            let (a, b) = (run(name, steps, full), run(name, 2 * steps, full));
+        for (kind, steps) in [(TwinKind::Full, 5), (TwinKind::Reduced, 10)] {
+            let twin = kind.name();
+            let (a, b) = (last(name, steps, kind), last(name, 2 * steps, kind));
             let capture = |s: &DockingState| s.mechanism.captured_s().expect("captured");
             let change = |x: f64, y: f64| (x / y - 1.0).abs();
             let c = [

@@ -5,11 +5,11 @@
 
 use std::{fs, path::PathBuf, thread};
 
-use docktwin::setup::start;
 use docktwin_core::Pose;
-use docktwin_physics::reduced::{DockingTwin, Inputs, ReducedTwin};
+use docktwin_physics::reduced::{DockingTwin, Inputs};
+use docktwin_run::{TwinKind, setup::start};
 use docktwin_scenario::{Scenario, load_scenario};
-use docktwin_tests::{Story, tell};
+use docktwin_tests::{Story, run};
 use docktwin_twin::FullTwin;
 
 /// At first contact, mm and degrees.
@@ -32,30 +32,12 @@ fn scenarios() -> Vec<Scenario> {
         .collect()
 }
 
-/// Steps of a tick as the command line chooses them, and the step in seconds.
-fn steps(scenario: &Scenario, per_ms: u32) -> (u32, f64) {
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-    let tick_s = scenario.run.tick_nanos as f64 / 1e9;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a tick has few steps"
-    )]
-    let own = (tick_s * 1e3 * f64::from(per_ms)).ceil().max(1.0) as u32;
-    let n = scenario.run.steps_per_tick.unwrap_or(own);
-    (n, tick_s / f64::from(n))
-}
-
 fn full(scenario: &Scenario) -> Story {
-    let (n, h) = steps(scenario, 5);
-    let (system, bodies) = start(scenario).expect("the sides are apart");
-    tell(scenario, FullTwin::new(system, bodies, h), n, h)
+    run(scenario, TwinKind::Full).expect("the sides are apart")
 }
 
 fn reduced(scenario: &Scenario) -> Story {
-    let (n, h) = steps(scenario, 10);
-    let (system, bodies) = start(scenario).expect("the sides are apart");
-    tell(scenario, ReducedTwin::new(system, bodies, h), n, h)
+    run(scenario, TwinKind::Reduced).expect("the sides are apart")
 }
 
 /// Distance in millimetres and angle in degrees.
@@ -143,9 +125,9 @@ fn invariant_a_restored_full_twin_goes_the_same_way() {
         .into_iter()
         .find(|s| s.name == "apas_nominal")
         .expect("the nominal scenario is there");
-    let (n, h) = steps(&scenario, 5);
+    let n = TwinKind::Full.steps_per_tick(&scenario);
     let (system, bodies) = start(&scenario).expect("the sides are apart");
-    let mut twin = FullTwin::new(system, bodies, h);
+    let mut twin = FullTwin::new(system, bodies, 1e-3 / f64::from(n));
     let go = |twin: &mut FullTwin, ticks: u32| {
         for _ in 0..ticks * n {
             twin.step(&Inputs::default());

@@ -12,13 +12,12 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Parser, ValueEnum};
 use cpu_time::ThreadTime;
-use docktwin::setup::{inputs, start};
-use docktwin_physics::{
-    mechanism::System,
-    reduced::{DockingState, DockingTwin, ReducedTwin},
+use docktwin_physics::{mechanism::System, reduced::DockingState};
+use docktwin_run::{
+    TickedTwin, TwinKind,
+    setup::{inputs, start},
 };
 use docktwin_scenario::{Scenario, load_scenario};
-use docktwin_twin::FullTwin;
 use serde_json::{Value, json};
 
 /// Computes without recording and tells cost and result
@@ -85,24 +84,18 @@ fn docking(args: &Args) -> Result<Value, String> {
         ));
     }
     let (system, bodies) = start(&scenario).map_err(|e| e.to_string())?;
-    let h = tick_s / per_tick;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small, ≥ 1")]
     let per_tick = per_tick as u32;
-    Ok(match args.twin {
-        Kind::Full => run(FullTwin::new(system, bodies, h), &scenario, args, tick_s, per_tick),
-        Kind::Reduced => {
-            run(ReducedTwin::new(system, bodies, h), &scenario, args, tick_s, per_tick)
-        }
-    })
+    let kind = match args.twin {
+        Kind::Full => TwinKind::Full,
+        Kind::Reduced => TwinKind::Reduced,
+    };
+    let twin = TickedTwin::new(kind, system, bodies, scenario.run.tick_nanos, per_tick);
+    Ok(run(twin, &scenario, args, tick_s))
 }
 
-fn run<T: DockingTwin>(
-    mut twin: T,
-    scenario: &Scenario,
-    args: &Args,
-    tick_s: f64,
-    per_tick: u32,
-) -> Value {
+/// Steps alone are timed: a rehearsal would look at every tick as well.
+fn run(mut ticked: TickedTwin, scenario: &Scenario, args: &Args, tick_s: f64) -> Value {
     let until = args.until_s.unwrap_or(scenario.run.ticks() as f64 * tick_s);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of a run")]
     let (ticks, every) =
@@ -117,6 +110,7 @@ fn run<T: DockingTwin>(
         if tick % every == 0 {
             // Looking at the result is not part of the cost.
             spent += now() - begin;
+            let twin = ticked.twin();
             let state = twin.state();
             poses.push(relative(twin.system(), &state));
             if first.is_none() && state.first_contact_s.is_some() {
@@ -132,14 +126,12 @@ fn run<T: DockingTwin>(
         let control = if scenario.thrusts.is_empty() {
             docktwin_physics::reduced::Inputs::default()
         } else {
-            inputs(&scenario.thrusts, &twin.state(), time_s)
+            inputs(&scenario.thrusts, &ticked.twin().state(), time_s)
         };
-        for _ in 0..per_tick {
-            twin.step(&control);
-        }
+        ticked.tick(&control);
     }
     spent += now() - begin;
-    let state = twin.state();
+    let state = ticked.twin().state();
     let end = (ticks, spent);
     let phase = |from: (u64, f64), to: (u64, f64)| {
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
@@ -151,7 +143,7 @@ fn run<T: DockingTwin>(
     json!({
         "engine": "docktwin",
         "twin": match args.twin { Kind::Full => "full", Kind::Reduced => "reduced" },
-        "step_s": tick_s / f64::from(per_tick),
+        "step_s": ticked.step_s(),
         "phases": {
             "free": phase((0, 0.0), first),
             "contact": phase(first, latch),

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use docktwin_run::{TwinKind, rig_place::ClockKind};
 
 use crate::{
     company::{LiveArgs, PilotArgs},
@@ -118,8 +119,8 @@ pub(crate) struct RehearseArgs {
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Which twin integrates the bodies
-    #[arg(long, value_enum, default_value_t = TwinKind::Full)]
-    pub(crate) twin: TwinKind,
+    #[arg(long, value_enum, default_value_t = TwinArg::Full)]
+    pub(crate) twin: TwinArg,
     /// Do not write run.rrd
     #[arg(long)]
     pub(crate) no_rrd: bool,
@@ -170,9 +171,6 @@ pub(crate) struct HilArgs {
     /// Lead, ms [default: as the scenario says, or the delay that is believed]
     #[arg(long, value_name = "MS", value_parser = not_negative)]
     pub(crate) lead_ms: Option<f64>,
-    /// The same to the last bit, for a replay.
-    #[arg(skip)]
-    pub(crate) lead_s: Option<f64>,
     /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
     #[arg(long, value_name = "RIG.toml")]
     pub(crate) model: Option<PathBuf>,
@@ -206,31 +204,6 @@ pub(crate) struct HilArgs {
     pub(crate) pilot: PilotArgs,
 }
 
-impl HilArgs {
-    /// An emulated rig in virtual time, nothing else asked for.
-    pub(crate) fn again(scenario: PathBuf) -> Self {
-        Self {
-            scenario,
-            rig: RigPlace::Emulated,
-            led: LedArgs::default(),
-            compensator: None,
-            lead_ms: None,
-            lead_s: None,
-            model: None,
-            identification: None,
-            calibration: None,
-            out: None,
-            set: Vec::new(),
-            seed: 0,
-            perturb: None,
-            no_rrd: true,
-            dry_run: false,
-            live: LiveArgs::default(),
-            pilot: PilotArgs::default(),
-        }
-    }
-}
-
 pub(crate) fn compensator(text: &str) -> Result<docktwin_scenario::CompensatorChoice, String> {
     let words = docktwin_scenario::CompensatorChoice::WORDS;
     words
@@ -251,11 +224,10 @@ pub(crate) enum ClockArg {
 }
 
 impl ClockArg {
-    /// Name as on the command line.
-    pub(crate) const fn name(self) -> &'static str {
+    pub(crate) const fn kind(self) -> ClockKind {
         match self {
-            Self::Virtual => "virtual",
-            Self::Realtime => "realtime",
+            Self::Virtual => ClockKind::Virtual,
+            Self::Realtime => ClockKind::Realtime,
         }
     }
 }
@@ -269,19 +241,18 @@ pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
 
 /// Which twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum TwinKind {
+pub(crate) enum TwinArg {
     /// rapier integrates; 0.2 ms steps by default
     Full,
     /// Our own allocation-free integrator; 0.1 ms steps by default
     Reduced,
 }
 
-impl TwinKind {
-    /// Name as on the command line.
-    pub(crate) const fn name(self) -> &'static str {
+impl TwinArg {
+    pub(crate) const fn kind(self) -> TwinKind {
         match self {
-            Self::Full => "full",
-            Self::Reduced => "reduced",
+            Self::Full => TwinKind::Full,
+            Self::Reduced => TwinKind::Reduced,
         }
     }
 }

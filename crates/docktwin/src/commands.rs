@@ -6,7 +6,7 @@ use std::{
 };
 
 use docktwin_model::input::shown;
-use docktwin_scenario::{explained, load_scenario};
+use docktwin_scenario::{Loader, explained, load_scenario};
 
 use crate::{
     analyze,
@@ -122,9 +122,19 @@ pub(crate) fn overrides(set: &[String]) -> Result<Vec<(String, String)>, Failure
         .collect()
 }
 
+/// Reads scenarios with `--set` applied.
+pub(crate) fn loader(set: &[String]) -> Result<Loader, Failure> {
+    Ok(Loader::new().set_texts("--set ", &overrides(set)?))
+}
+
+/// The present instant as names of files have it.
+pub(crate) fn timestamp() -> String {
+    jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string()
+}
+
 /// A directory that is not there yet, named after what goes there and the time.
 pub(crate) fn new_directory(parent: &str, name: &str) -> PathBuf {
-    let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
+    let now = timestamp();
     let mut directory = Path::new(parent).join(format!("{name}-{now}"));
     let mut n = 1;
     while directory.exists() {

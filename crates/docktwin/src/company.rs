@@ -1,15 +1,18 @@
-//! Who is there while a run happens: a live viewer, and a pilot.
+//! A live viewer and a pilot, as the command line asks for them.
 
-use core::fmt;
-use std::{io::Write as _, time::Duration};
+use std::time::Duration;
 
 use clap::Args;
 use docktwin::{
     live::{Live, LiveReport},
     pilot::{HOLD_S, PILOT_HELP, Pilot, PilotLimits, Stick},
 };
-use docktwin_core::{Euler, Pose, Wrench};
-use docktwin_record::Column;
+use docktwin_core::{SimTime, Tick};
+use docktwin_record::{Column, Event, Summary};
+use docktwin_run::{
+    Sink, SinkError,
+    sink::{Header, TickView},
+};
 use docktwin_scenario::Scenario;
 
 use crate::{cli::not_negative, failure::Failure};
@@ -29,6 +32,22 @@ pub(crate) struct LiveArgs {
         default_missing_value = docktwin_view::LIVE_URL
     )]
     pub(crate) live: Option<String>,
+}
+
+impl LiveArgs {
+    /// Finds the viewer. Call it before anything is written, and before a loop takes its core.
+    pub(crate) fn start(
+        &self,
+        scenario: &Scenario,
+        columns: &[Column],
+    ) -> Result<Option<LiveViewer>, Failure> {
+        let live = self.live.as_deref().map(|url| Live::start(url, scenario, columns));
+        Ok(live.transpose()?.map(|live| LiveViewer {
+            live: Some(live),
+            report: None,
+            tick_nanos: 0,
+        }))
+    }
 }
 
 /// A person at the controls.
@@ -60,119 +79,88 @@ impl Default for PilotArgs {
     }
 }
 
-/// Who is there while it happens.
-#[derive(Default)]
-pub(crate) struct Company {
-    live: Option<Live>,
-    pilot: Option<Pilot>,
+impl PilotArgs {
+    /// Hands the terminal to the pilot, whose it is until what is given is dropped.
+    pub(crate) fn start(&self, scenario: &Scenario) -> Result<Option<AtControls>, Failure> {
+        if !self.pilot {
+            return Ok(None);
+        }
+        let own = PilotLimits::of_chaser(&scenario.chaser);
+        let limits = PilotLimits {
+            force_n: self.force_n.unwrap_or(own.force_n),
+            moment_nm: self.moment_nm.unwrap_or(own.moment_nm),
+        };
+        eprintln!("{PILOT_HELP}");
+        Ok(Some(AtControls(Some(Pilot::start(limits, self.hold_s)?))))
+    }
 }
 
-impl Company {
-    /// Finds the viewer and hands the terminal to the pilot, whose it is until [`Company::land`].
-    /// Call it before anything is written, and before a loop takes its core.
-    pub(crate) fn invite(
-        live: &LiveArgs,
-        pilot: &PilotArgs,
-        scenario: &Scenario,
-        columns: &[Column],
-    ) -> Result<Self, Failure> {
-        let live = live.live.as_deref().map(|url| Live::start(url, scenario, columns));
-        let live = live.transpose()?;
-        // Last: from here on the terminal is the pilot's.
-        let pilot = pilot.pilot.then(|| {
-            let own = PilotLimits::of_chaser(&scenario.chaser);
-            let limits = PilotLimits {
-                force_n: pilot.force_n.unwrap_or(own.force_n),
-                moment_nm: pilot.moment_nm.unwrap_or(own.moment_nm),
-            };
-            eprintln!("{PILOT_HELP}");
-            Pilot::start(limits, pilot.hold_s)
-        });
-        Ok(Self { live, pilot: pilot.transpose()? })
-    }
+/// A pilot who has the terminal.
+pub(crate) struct AtControls(Option<Pilot>);
 
-    /// The pilot's stick.
+impl AtControls {
+    /// The stick.
     pub(crate) fn stick(&self) -> Option<Stick> {
-        self.pilot.as_ref().map(Pilot::stick)
+        self.0.as_ref().map(Pilot::stick)
     }
+}
 
-    /// What shows the run.
-    pub(crate) const fn live(&mut self) -> Option<&mut Live> {
-        self.live.as_mut()
+impl Drop for AtControls {
+    fn drop(&mut self) {
+        // The terminal is given back before the line is ended.
+        drop(self.0.take());
+        eprintln!();
     }
+}
 
-    /// Gives the terminal back, before anything is printed.
-    pub(crate) fn land(&mut self) {
-        if let Some(pilot) = self.pilot.take() {
-            drop(pilot);
-            eprintln!();
+/// A live viewer that takes what a run gives.
+pub(crate) struct LiveViewer {
+    live: Option<Live>,
+    report: Option<LiveReport>,
+    tick_nanos: u64,
+}
+
+impl LiveViewer {
+    /// What became of the stream, once the run has ended.
+    pub(crate) fn report(&self) {
+        let Some(LiveReport { sent, dropped, events_dropped, complete }) = self.report else {
+            return;
+        };
+        if complete {
+            eprintln!(
+                "live viewer: {sent} ticks shown, {dropped} ticks and {events_dropped} events left out"
+            );
+        } else {
+            eprintln!(
+                "live viewer: it went away or did not keep up; {sent} ticks sent, {dropped} left out"
+            );
         }
     }
+}
 
-    /// Ends the stream to the viewer, and says what became of it.
-    pub(crate) fn part(&mut self, json: bool) {
-        if let Some(live) = self.live.take() {
-            let report = live.finish(LIVE_PATIENCE);
-            if !json {
-                tell(&report);
-            }
+impl Sink for LiveViewer {
+    fn begin(&mut self, h: &Header<'_>) -> Result<(), SinkError> {
+        self.tick_nanos = h.scenario.run.tick_nanos;
+        Ok(())
+    }
+
+    fn event(&mut self, e: &Event) -> Result<(), SinkError> {
+        if let Some(live) = &self.live {
+            let time = SimTime::of_tick(Tick(e.tick), self.tick_nanos);
+            live.events().event(time, &e.kind, &e.text);
         }
+        Ok(())
     }
-}
 
-fn tell(report: &LiveReport) {
-    let LiveReport { sent, dropped, events_dropped, complete } = report;
-    if *complete {
-        eprintln!(
-            "live viewer: {sent} ticks shown, {dropped} ticks and {events_dropped} events left out"
-        );
-    } else {
-        eprintln!(
-            "live viewer: it went away or did not keep up; {sent} ticks sent, {dropped} left out"
-        );
+    fn tick(&mut self, t: &TickView<'_>) -> Result<(), SinkError> {
+        if let Some(live) = &mut self.live {
+            live.tick(t.time, t.row, t.contacts, t.due);
+        }
+        Ok(())
     }
-}
 
-/// What a pilot without a window flies by.
-pub(crate) struct Flight<'a> {
-    /// The docking ports.
-    pub(crate) x_34: &'a Pose,
-    /// How fast they come together, m/s.
-    pub(crate) closing_m_s: f64,
-    /// Force between them, N.
-    pub(crate) contact_n: f64,
-    /// F1, M1 in `e1`.
-    pub(crate) control: &'a Wrench,
-}
-
-impl fmt::Display for Flight<'_> {
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (p, e) = (self.x_34.p, Euler::from_quat(self.x_34.q));
-        let Wrench { f, m } = self.control;
-        write!(
-            to,
-            "x {:+.3} y {:+.3} z {:+.3} m  closing {:+.3} m/s  roll {:+.2} pitch {:+.2} yaw {:+.2} °  \
-             contact {:.0} N  F1 {:+.0} {:+.0} {:+.0} N  M1 {:+.0} {:+.0} {:+.0} N·m",
-            p.x,
-            p.y,
-            p.z,
-            self.closing_m_s,
-            e.roll.to_degrees(),
-            e.pitch.to_degrees(),
-            e.yaw.to_degrees(),
-            self.contact_n,
-            f.x,
-            f.y,
-            f.z,
-            m.x,
-            m.y,
-            m.z,
-        )
+    fn finish(&mut self, _summary: &mut Summary) -> Result<(), SinkError> {
+        self.report = self.live.take().map(|live| live.finish(LIVE_PATIENCE));
+        Ok(())
     }
-}
-
-/// Says it to the pilot, in one line that replaces itself. Not on a loop's own path.
-pub(crate) fn pilot_line(when: fmt::Arguments<'_>, flight: &Flight<'_>) {
-    // A terminal that has gone ends the run by its keyboard.
-    let _ = std::io::stderr().write_all(format!("\r{when}  {flight}\x1b[K").as_bytes());
 }

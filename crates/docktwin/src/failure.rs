@@ -2,13 +2,14 @@
 
 use std::{io::Write as _, process::ExitCode};
 
-use docktwin::{live::LiveError, pilot::PilotError, playback::PlaybackError, setup::StartOverlap};
+use docktwin::{live::LiveError, pilot::PilotError, playback::PlaybackError};
 use docktwin_model::{
     ModelErrors, Problem,
     input::{plain, shown, shown_path},
 };
 use docktwin_record::RecordError;
 use docktwin_report::ReportError;
+use docktwin_run::{RunError, SinkError};
 use docktwin_scenario::ScenarioErrors;
 use docktwin_view::ViewError;
 use miette::Diagnostic;
@@ -87,14 +88,30 @@ impl From<PlaybackError> for Failure {
     }
 }
 
-impl From<StartOverlap> for Failure {
-    fn from(e: StartOverlap) -> Self {
-        Self::Usage {
-            what: e.to_string(),
-            remedy:
-                "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate"
-                    .to_owned(),
+impl From<RunError> for Failure {
+    fn from(e: RunError) -> Self {
+        match e {
+            RunError::Input { problems } => Self::Input { problems },
+            RunError::Record(e) => Self::Record(e),
+            RunError::Sink(e) => Self::from(e),
+            other => Self::Usage { what: other.to_string(), remedy: other.remedy().to_owned() },
         }
+    }
+}
+
+/// A sink says what it could not begin as whatever error it has.
+impl From<SinkError> for Failure {
+    fn from(e: SinkError) -> Self {
+        let known = e
+            .downcast::<RecordError>()
+            .map(|e| Self::Record(*e))
+            .or_else(|e| e.downcast::<ViewError>().map(|e| Self::View(*e)))
+            .or_else(|e| e.downcast::<PlaybackError>().map(|e| Self::from(*e)))
+            .or_else(|e| e.downcast::<RunError>().map(|e| Self::from(*e)));
+        known.unwrap_or_else(|e| Self::Usage {
+            what: e.to_string(),
+            remedy: "give another directory with --out".to_owned(),
+        })
     }
 }
 

@@ -19,11 +19,9 @@ use docktwin_record::{Cell, Column, ContactRow};
 use docktwin_scenario::Scenario;
 use docktwin_view::{SceneWriter, ViewError};
 
-use crate::{
-    playback::{Playback, PlaybackError, pair_names, scene_model},
-    ring::Ring,
-    signals::MAX_CONTACTS,
-};
+use docktwin_run::{ring::Ring, signals::MAX_CONTACTS};
+
+use crate::playback::{Playback, PlaybackError, pair_names, scene_model};
 
 /// Ticks on their way to the viewer at most: two seconds of a loop of 1 kHz, about 8 MB.
 const TICKS: usize = 2048;

@@ -13,7 +13,7 @@ mod doctor;
 mod export;
 mod failure;
 mod hil;
-mod models;
+mod observers;
 mod recover;
 mod rehearse;
 mod replay;

@@ -19,6 +19,8 @@ use crossterm::{
 };
 use docktwin_core::{DVec3, Wrench};
 use docktwin_model::Spacecraft;
+use docktwin_physics::reduced::Inputs;
+use docktwin_run::{Control, Situation};
 use evdev::{AbsoluteAxisCode, Device, EventSummary};
 
 /// What to press, in one line.
@@ -135,6 +137,25 @@ impl Stick {
     #[must_use]
     pub fn ended(&self) -> bool {
         self.shared.ended.load(Ordering::Relaxed)
+    }
+}
+
+impl Control for Stick {
+    fn wrenches(&mut self, _now: &Situation) -> Inputs {
+        Inputs { chaser: self.wrench(), target: Wrench::ZERO }
+    }
+
+    /// A pilot may come back.
+    fn ahead(&self, _now: &Situation) -> bool {
+        true
+    }
+
+    fn ended(&self) -> bool {
+        Self::ended(self)
+    }
+
+    fn in_person(&self) -> bool {
+        true
     }
 }
 

@@ -5,22 +5,12 @@ mod emulate;
 mod measure;
 mod retract;
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, Subcommand};
-use docktwin::{rigfile::RigFileError, setup::start};
-use docktwin_core::Pose;
-use docktwin_hil::emulated::{EmulatedRig, clear};
-use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
-use docktwin_physics::mechanism::System;
-use docktwin_scenario::{Scenario, load_scenario, resolve_path};
 
 use crate::{
     cli::PresetArg,
-    commands::overrides,
     failure::Failure,
     rigs::{LedArgs, RealtimeArgs, RigPlace},
 };
@@ -201,78 +191,5 @@ pub(crate) fn run(command: &RigCommand, json: bool) -> Result<ExitCode, Failure>
         RigCommand::Calibrate(args) => measure::calibrate(args, json),
         RigCommand::Identify(args) => measure::identify(args, json),
         RigCommand::Retract(args) => retract::run(args, json),
-    }
-}
-
-/// Scenario when none is named.
-const DEFAULT_SCENARIO: &str = "scenarios/apas_nominal.toml";
-/// Opening of a frame that no stick reaches, m.
-const NO_FRAME_M: f64 = 10.0;
-
-/// A rig, and what stands on it.
-struct Stand {
-    rig: RigModel,
-    preset: HydraulicPreset,
-    system: System,
-    scenario: Scenario,
-}
-
-impl Stand {
-    fn load(rig: &Path, built: &BuiltArgs) -> Result<Self, Failure> {
-        let model = load_rig(rig)?.model;
-        let path = match &built.scenario {
-            Some(path) => path.clone(),
-            None => {
-                resolve_path(rig, Path::new(DEFAULT_SCENARIO)).ok_or_else(|| Failure::Usage {
-                    what: format!("no {DEFAULT_SCENARIO} from the folder of the rig up"),
-                    remedy: "name the scenario whose mechanism stands on the rig: --scenario FILE"
-                        .to_owned(),
-                })?
-            }
-        };
-        let scenario = load_scenario(&path, &overrides(&built.set)?)?;
-        let (system, _) = start(&scenario)?;
-        let preset =
-            built.preset.map_or(model.hydraulics.default_preset, super::cli::PresetArg::preset);
-        Ok(Self { rig: model, preset, system, scenario })
-    }
-
-    /// The stick, if there is one, is taken out of its frame.
-    fn free_the_stick(&mut self) {
-        let s = &self.scenario;
-        let mut mechanism = s.mechanism.clone();
-        if let Some(stick) = &mut mechanism.stick {
-            stick.frame_opening_m = NO_FRAME_M;
-            self.system = System::new(&s.chaser, &s.target, mechanism);
-        }
-    }
-
-    fn has_stick(&self) -> bool {
-        self.system.mechanism().stick.is_some()
-    }
-
-    /// Where nothing touches, `X_34`.
-    fn clear(&self) -> Pose {
-        clear(&self.rig, &self.system)
-    }
-
-    fn emulated(&self, built: &BuiltArgs, at: &Pose) -> Result<EmulatedRig, Failure> {
-        let system = self.system.clone();
-        EmulatedRig::new(&self.rig, self.preset, built.perturb, built.seed, system, at).map_err(
-            |e| Failure::Usage {
-                what: e.to_string(),
-                remedy: "mend the rig's file; models/urdf/stewart.toml is an example".to_owned(),
-            },
-        )
-    }
-}
-
-impl From<RigFileError> for Failure {
-    fn from(e: RigFileError) -> Self {
-        let remedy = match &e {
-            RigFileError::Write { .. } => "files are never overwritten: give a new one with --out",
-            _ => "give a file that `docktwin rig identify` or `rig calibrate` wrote for this rig",
-        };
-        Self::Usage { what: e.to_string(), remedy: remedy.to_owned() }
     }
 }

@@ -14,9 +14,8 @@ use std::{
 };
 
 use clap::{Args, Subcommand};
-use docktwin::setup::{REDUCED_STEPS_PER_MS, steps_per_tick};
-use docktwin_physics::reduced::ReducedTwin;
 use docktwin_record::{RecordError, files, read_table};
+use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
 use docktwin_scenario::load_scenario;
 
 use self::{
@@ -24,11 +23,9 @@ use self::{
     second::Second,
 };
 use crate::{
-    cli::{Align, TwinKind},
+    cli::Align,
     commands::{new_directory, overrides},
-    company::Company,
     failure::{Failure, OTHERWISE},
-    rehearse::Setup,
     view,
 };
 
@@ -127,14 +124,8 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
     }
-    let setup = Setup {
-        scenario: &scenario,
-        seed: 0,
-        kind: TwinKind::Reduced,
-        steps: steps_per_tick(&scenario, REDUCED_STEPS_PER_MS),
-        out: &ours,
-    };
-    let summary = setup.rehearse(ReducedTwin::new, false, json, Company::default())?;
+    let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
+    let summary = Rehearsal::with(&scenario, options)?.run(&mut RunDirectory::new(&ours))?;
     if !json {
         eprintln!("docktwin: {}; now MuJoCo", summary.outcome);
     }

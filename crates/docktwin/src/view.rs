@@ -9,6 +9,7 @@ use docktwin::playback::{pair_names, play, scene_model};
 use docktwin_core::{SimTime, Tick};
 use docktwin_model::{DockingMechanism, SideGeometry};
 use docktwin_record::{RunReader, files};
+use docktwin_run::provenance::digest_keys;
 use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_view::{SceneWriter, VIEWER_VERSION, is_whole};
 use serde_json::json;
@@ -16,7 +17,6 @@ use serde_json::json;
 use crate::{
     cli::{Align, ViewArgs},
     failure::Failure,
-    rehearse::digest_keys,
 };
 
 /// Names the viewer, where it is not `rerun` on the path. Not `RERUN`: rerun itself reads that one.

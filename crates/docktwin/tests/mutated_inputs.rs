@@ -11,10 +11,10 @@ use std::{
     process::Command,
 };
 
-use docktwin::setup::start;
 use docktwin_model::{Problem, input::is_unprintable, model_check};
 use docktwin_physics::reduced::{DockingTwin, Inputs, ReducedTwin};
 use docktwin_record::{RunReader, files};
+use docktwin_run::setup::start;
 use docktwin_scenario::load_scenario;
 
 /// Files damaged in a run of the tests.

@@ -6,8 +6,8 @@ use std::{
     process::{Child, ChildStdout, Command, Output, Stdio},
 };
 
-use docktwin::rigfile::{CalibrationFile, IdentificationFile, RigFileError, read, write};
 use docktwin_model::load_rig;
+use docktwin_run::rigfile::{CalibrationFile, IdentificationFile, RigFileError, read, write};
 use serde_json::Value;
 
 fn root() -> PathBuf {

@@ -41,6 +41,20 @@ pub trait Rig {
     ) -> Result<Option<RigMeasurement>, RigError>;
 }
 
+impl<R: Rig + ?Sized> Rig for &mut R {
+    fn send(&mut self, command: &RigCommand) -> Result<(), RigError> {
+        (**self).send(command)
+    }
+
+    fn receive(
+        &mut self,
+        patience: Duration,
+        now_ns: u64,
+    ) -> Result<Option<RigMeasurement>, RigError> {
+        (**self).receive(patience, now_ns)
+    }
+}
+
 /// What stands behind the rig's end of the port.
 pub trait Plant {
     /// Takes a judged command, advances by its period, and says what is there at its end. Session,

@@ -77,21 +77,26 @@ pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, Unreadable> {
     // The length that the system tells is not asked: it may be wrong, or grow.
     file.take(most + 1).read_to_end(&mut bytes).map_err(|e| failed(&e))?;
     if bytes.len() as u64 > most {
-        return Err(Unreadable {
-            what: "is larger than any file of this kind".into(),
-            allowed: format!("at most {most} bytes"),
-            remedy: "give a text file of the kind asked for, or take out what is not needed".into(),
-            ..Unreadable::default()
-        });
+        return Err(too_large(most));
     }
     Ok(bytes)
+}
+
+pub(crate) fn too_large(most: u64) -> Unreadable {
+    Unreadable {
+        what: "is larger than any file of this kind".into(),
+        allowed: format!("at most {most} bytes"),
+        remedy: "give a text file of the kind asked for, or take out what is not needed".into(),
+        ..Unreadable::default()
+    }
 }
 
 /// Bytes as text, with the place of the first wrong byte.
 ///
 /// # Errors
 /// The bytes are not UTF-8, or hold a character that no text has.
-pub fn text_of(bytes: Vec<u8>) -> Result<String, Unreadable> {
+pub fn text_of(bytes: impl Into<Vec<u8>>) -> Result<String, Unreadable> {
+    let bytes = bytes.into();
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(Unreadable {
             what: "is empty".into(),

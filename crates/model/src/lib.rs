@@ -17,14 +17,17 @@ pub mod mesh;
 mod problem;
 mod rig;
 mod rig_check;
+pub mod sources;
 mod spacecraft;
 pub mod toml_check;
 mod urdf;
 
 pub use check::{Report, model_check};
-pub use load_mechanism::{AttenuationChoice, MatedFit, contact_ranges, load_mechanism, mated_fit};
-pub use load_rig::load_rig;
-pub use load_spacecraft::load_spacecraft;
+pub use load_mechanism::{
+    AttenuationChoice, MatedFit, contact_ranges, load_mechanism, load_mechanism_from, mated_fit,
+};
+pub use load_rig::{load_rig, load_rig_from};
+pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};
 pub use mechanism::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
     DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
@@ -36,6 +39,7 @@ pub use rig::{
     LegPart, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor,
     Spread,
 };
+pub use sources::Sources;
 pub use spacecraft::{Spacecraft, SpacecraftHull};
 pub use urdf::named_meshes;
 

@@ -3,6 +3,7 @@ use std::path::Path;
 
 use docktwin_core::{DMat3, DQuat, DVec3, Pose};
 
+use crate::Sources;
 use crate::load_spacecraft::check_header;
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::toml_check::{Checker, Range, Table};
@@ -43,7 +44,20 @@ pub fn load_mechanism(
     passive_urdf: &Path,
     attenuation: Option<AttenuationChoice>,
 ) -> Result<Loaded<DockingMechanism>, ModelErrors> {
-    let mut out = Findings::default();
+    load_mechanism_from(&Sources::disk(), active_urdf, passive_urdf, attenuation)
+}
+
+/// As [`load_mechanism`], from files in memory too.
+///
+/// # Errors
+/// All problems of all four files, and those between the sides.
+pub fn load_mechanism_from(
+    sources: &Sources,
+    active_urdf: &Path,
+    passive_urdf: &Path,
+    attenuation: Option<AttenuationChoice>,
+) -> Result<Loaded<DockingMechanism>, ModelErrors> {
+    let mut out = Findings::from(sources);
     let active = read_active(active_urdf, true, &mut out);
     let passive = read_passive(passive_urdf, true, &mut out);
     let model = active.zip(passive).and_then(|(a, p)| join(a, p, attenuation, &mut out));

@@ -4,6 +4,7 @@ use std::path::Path;
 use docktwin_core::{DMat3, DQuat, DVec3, Pose};
 use urdf_rs::{Joint, JointType};
 
+use crate::Sources;
 use crate::load_spacecraft::check_header;
 use crate::problem::{Findings, Loaded, ModelErrors, Note, Problem};
 use crate::rig_check;
@@ -26,7 +27,15 @@ const CLOSURE_M: f64 = 1e-6;
 /// All problems of both files, and geometry with which the rig cannot work: closures that do not
 /// close, strokes that do not reach, joints in one place, legs that cross, singular poses.
 pub fn load_rig(path: &Path) -> Result<Loaded<Rig>, ModelErrors> {
-    let mut out = Findings::default();
+    load_rig_from(&Sources::disk(), path)
+}
+
+/// As [`load_rig`], from files in memory too.
+///
+/// # Errors
+/// As [`load_rig`].
+pub fn load_rig_from(sources: &Sources, path: &Path) -> Result<Loaded<Rig>, ModelErrors> {
+    let mut out = Findings::from(sources);
     let rig = read_rig(&path.with_extension("urdf"), &mut out);
     let flags = core::mem::take(&mut out.flags);
     out.notes.extend(flags);

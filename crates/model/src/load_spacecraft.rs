@@ -5,7 +5,7 @@ use docktwin_core::Pose;
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::toml_check::{Checker, Range, Table};
 use crate::urdf::{self, UrdfTree};
-use crate::{Spacecraft, SpacecraftHull};
+use crate::{Sources, Spacecraft, SpacecraftHull};
 
 /// Reads a spacecraft: the URDF (masses, placements) and the TOML of the same name beside it (which
 /// link is the port, hull, source of every number).
@@ -15,7 +15,18 @@ use crate::{Spacecraft, SpacecraftHull};
 /// # Errors
 /// All problems of both files.
 pub fn load_spacecraft(urdf_path: &Path) -> Result<Loaded<Spacecraft>, ModelErrors> {
-    let mut out = Findings::default();
+    load_spacecraft_from(&Sources::disk(), urdf_path)
+}
+
+/// As [`load_spacecraft`], from files in memory too.
+///
+/// # Errors
+/// All problems of both files.
+pub fn load_spacecraft_from(
+    sources: &Sources,
+    urdf_path: &Path,
+) -> Result<Loaded<Spacecraft>, ModelErrors> {
+    let mut out = Findings::from(sources);
     let read = read_spacecraft(urdf_path, true, &mut out);
     out.finish(read.map(|(spacecraft, _)| spacecraft))
 }

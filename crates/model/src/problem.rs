@@ -1,8 +1,10 @@
 use core::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use docktwin_core::Digest;
 
+use crate::Sources;
 use crate::input::{self, first_of, plain, shown, shown_path};
 
 /// One thing wrong with a file: where, what stands there, what may stand there, what to do.
@@ -117,6 +119,16 @@ pub struct FileDigest {
     pub path: PathBuf,
     /// Digest of its bytes.
     pub digest: Digest,
+    /// Its bytes, as they were read.
+    pub bytes: Arc<[u8]>,
+}
+
+impl FileDigest {
+    /// A file as it was read.
+    #[must_use]
+    pub fn new(path: &Path, bytes: Arc<[u8]>) -> Self {
+        Self { path: path.into(), digest: Digest::of_bytes(&bytes), bytes }
+    }
 }
 
 /// All problems of all files of one model.
@@ -151,15 +163,22 @@ pub(crate) struct Findings {
     pub(crate) flags: Vec<Note>,
     pub(crate) values: Vec<ReadValue>,
     pub(crate) files: Vec<FileDigest>,
+    pub(crate) sources: Sources,
 }
 
 impl Findings {
+    /// Nothing yet, of files from these sources.
+    pub(crate) fn from(sources: &Sources) -> Self {
+        Self { sources: sources.clone(), ..Self::default() }
+    }
+
     /// Reads a text file; a failure becomes a problem and an empty text.
     pub(crate) fn read(&mut self, path: &Path, purpose: &str) -> Option<String> {
-        let bytes = input::read_bytes(path, input::MAX_TEXT_BYTES);
+        let bytes = self.sources.read(path, input::MAX_TEXT_BYTES);
         let text = bytes.and_then(|bytes| {
-            self.files.push(FileDigest { path: path.into(), digest: Digest::of_bytes(&bytes) });
-            input::text_of(bytes)
+            let text = input::text_of(&*bytes);
+            self.files.push(FileDigest::new(path, bytes));
+            text
         });
         text.map_err(|why| self.problems.push(why.problem(path, purpose))).ok()
     }

@@ -574,6 +574,7 @@ fn check_meshes(
     out: &mut Findings,
 ) {
     let folder = path.parent().unwrap_or(Path::new(""));
+    let sources = out.sources.clone();
     for link in &robot.links {
         for visual in &link.visual {
             let Geometry::Mesh { filename, scale } = &visual.geometry else { continue };
@@ -590,7 +591,7 @@ fn check_meshes(
             };
             if filename.contains("://") || Path::new(filename).is_absolute() {
                 refuse("is not a relative path", "give the path from the folder of the URDF");
-            } else if must_exist && !folder.join(filename).is_file() {
+            } else if must_exist && !sources.is_file(&folder.join(filename)) {
                 refuse("does not exist", "run `cargo xtask meshes`, or mend the file name");
             }
             let unscaled = |s: &urdf_rs::Vec3| s.iter().all(|x| (x - 1.0).abs() < f64::EPSILON);

@@ -4,17 +4,21 @@
 //! outcome that physics is expected to give. Files hold degrees and units in every key; the
 //! [`Scenario`] holds radians. All problems of a scenario and of its models are reported at once.
 
+mod builder;
 mod expect;
 mod keys;
 mod load;
+mod loader;
 mod overrides;
 
+pub use builder::ScenarioBuilder;
 pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
 pub use keys::{Explained, UnknownKey, explain, explained};
 pub use load::{
     Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
-    Thrust, Trigger, load_scenario, resolve_path,
+    Thrust, Trigger, load_scenario, resolve_path, resolve_path_from,
 };
+pub use loader::Loader;
 
 #[cfg(test)]
 mod tests;

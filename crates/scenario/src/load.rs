@@ -1,15 +1,17 @@
 use std::path::{Path, PathBuf};
 
-use docktwin_core::{DVec3, Digest, Euler};
+use docktwin_core::{DVec3, Euler};
 use docktwin_model::input;
 use docktwin_model::toml_check::{Checker, Range, Table};
 use docktwin_model::{
     AttenuationChoice, ContactLaw, DockingMechanism, FileDigest, HydraulicPreset, Loaded,
-    ModelErrors, NormalLaw, Note, Problem, Spacecraft, load_mechanism, load_spacecraft,
+    ModelErrors, NormalLaw, Note, Problem, Sources, Spacecraft, load_mechanism_from,
+    load_spacecraft_from,
 };
 
 use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
 use crate::keys::{Shape, find};
+use crate::loader::{Loader, Patch};
 use crate::overrides;
 
 /// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
@@ -48,6 +50,8 @@ pub struct Scenario {
     pub notes: Vec<Note>,
     /// Every file read, the scenario first.
     pub files: Vec<FileDigest>,
+    /// Where they were read from.
+    pub sources: Sources,
     /// The scenario file with the overrides applied.
     pub effective_toml: String,
 }
@@ -202,24 +206,34 @@ pub fn load_scenario(
     path: &Path,
     overrides: &[(String, String)],
 ) -> Result<Scenario, ScenarioErrors> {
-    let read = input::read_bytes(path, input::MAX_TEXT_BYTES).and_then(|bytes| {
-        let digest = Digest::of_bytes(&bytes);
-        Ok((input::text_of(bytes)?, digest))
-    });
-    let (text, digest) =
-        read.map_err(|why| ScenarioErrors { problems: vec![why.problem(path, "scenario")] })?;
+    Loader::new().set_texts("--set ", overrides).load(path)
+}
 
+/// Checks the text of a scenario, as `file` has it, with patches, and loads what it names.
+pub(crate) fn checked(
+    text: &str,
+    file: FileDigest,
+    patches: &[Patch],
+    label: &str,
+    sources: &Sources,
+) -> Result<Scenario, ScenarioErrors> {
+    let path = file.path.clone();
     let mut problems = Vec::new();
-    let effective = apply(path, &text, overrides, &mut problems);
-    let checker = Checker::new(path, &effective);
+    let effective = apply(&path, text, patches, label, &mut problems);
+    let checker = Checker::new(&path, &effective);
     let read = checker.read(read_scenario);
     problems.extend(checker.finish().0);
 
     let mut notes = Vec::new();
-    let mut files = vec![FileDigest { path: path.into(), digest }];
+    let mut files = vec![file];
     let scenario = read.and_then(|said| {
-        let mut load =
-            Loading { path, problems: &mut problems, notes: &mut notes, files: &mut files };
+        let mut load = Loading {
+            path: &path,
+            sources,
+            problems: &mut problems,
+            notes: &mut notes,
+            files: &mut files,
+        };
         let chaser = load.craft("chaser.model", &said.chaser, 1.0);
         let target = load.craft("target.model", &said.target, -1.0);
         let mechanism = load.mechanism(&said);
@@ -236,10 +250,11 @@ pub fn load_scenario(
             expect: said.expect,
             notes: Vec::new(),
             files: Vec::new(),
+            sources: sources.clone(),
             effective_toml: String::new(),
         })
     });
-    relate_to_original(path, &text, overrides, &mut problems);
+    relate_to_original(&path, text, patches, label, &mut problems);
     match scenario {
         Some(scenario) if problems.is_empty() => {
             Ok(Scenario { notes, files, effective_toml: effective, ..scenario })
@@ -253,18 +268,19 @@ pub fn load_scenario(
 fn apply(
     path: &Path,
     text: &str,
-    overrides: &[(String, String)],
+    patches: &[Patch],
+    label: &str,
     problems: &mut Vec<Problem>,
 ) -> String {
-    if overrides.is_empty() {
+    if patches.is_empty() {
         return text.to_owned();
     }
     let Ok(mut document) = text.parse::<toml_edit::DocumentMut>() else { return text.to_owned() };
-    for (key, value) in overrides {
+    for Patch { key, value } in patches {
         if let Err(what) = overrides::set(&mut document, key, value) {
             problems.push(Problem {
                 file: path.into(),
-                key: format!("--set {}", input::shown(key)),
+                key: format!("{label}{}", input::shown(key)),
                 value: input::shown(value),
                 what,
                 remedy:
@@ -282,7 +298,8 @@ fn apply(
 fn relate_to_original(
     path: &Path,
     text: &str,
-    overrides: &[(String, String)],
+    patches: &[Patch],
+    label: &str,
     problems: &mut [Problem],
 ) {
     let lines = overrides::lines(text);
@@ -290,8 +307,8 @@ fn relate_to_original(
         p.file == path && !["syntax", "more"].contains(&p.key.as_str()) && !p.key.contains(' ')
     };
     for p in problems.iter_mut().filter(ours) {
-        if overrides.iter().any(|(key, _)| *key == p.key) {
-            p.key = format!("--set {}", p.key);
+        if patches.iter().any(|patch| patch.key == p.key) {
+            p.key = format!("{label}{}", p.key);
             p.line = None;
             continue;
         }
@@ -624,6 +641,7 @@ fn read_expect(t: &Table<'_, '_>) -> Expect {
 
 struct Loading<'a> {
     path: &'a Path,
+    sources: &'a Sources,
     problems: &'a mut Vec<Problem>,
     notes: &'a mut Vec<Note>,
     files: &'a mut Vec<FileDigest>,
@@ -647,7 +665,7 @@ impl Loading<'_> {
         if named.is_empty() {
             return None;
         }
-        let found = resolve_path(self.path, Path::new(named));
+        let found = resolve_path_from(self.sources, self.path, Path::new(named));
         if found.is_none() {
             self.refuse(
                 key,
@@ -676,7 +694,7 @@ impl Loading<'_> {
     /// A spacecraft whose port looks along `side` · X of the docking axis.
     fn craft(&mut self, key: &str, named: &str, side: f64) -> Option<Spacecraft> {
         let urdf = self.find(key, named)?;
-        let craft = self.take(load_spacecraft(&urdf))?;
+        let craft = self.take(load_spacecraft_from(self.sources, &urdf))?;
         let port = craft.x_body_port;
         if (port.q * DVec3::X).dot(port.p) * side < 0.0 {
             let what = "has its port on the wrong side: docked, the spacecraft would overlap (+X of \
@@ -694,7 +712,8 @@ impl Loading<'_> {
     fn mechanism(&mut self, said: &Said) -> Option<DockingMechanism> {
         let active = self.find("mechanism.active", &said.active);
         let passive = self.find("mechanism.passive", &said.passive);
-        let mut mechanism = self.take(load_mechanism(&active?, &passive?, said.attenuation))?;
+        let mut mechanism =
+            self.take(load_mechanism_from(self.sources, &active?, &passive?, said.attenuation))?;
         if !said.petals {
             mechanism.active.petals = None;
             mechanism.passive.petals = None;
@@ -771,11 +790,17 @@ impl Loading<'_> {
 /// from each folder above it. Given relative to the working folder where it lies below that.
 #[must_use]
 pub fn resolve_path(scenario: &Path, named: &Path) -> Option<PathBuf> {
+    resolve_path_from(&Sources::disk(), scenario, named)
+}
+
+/// As [`resolve_path`], among files in memory too.
+#[must_use]
+pub fn resolve_path_from(sources: &Sources, scenario: &Path, named: &Path) -> Option<PathBuf> {
     if named.is_absolute() {
-        return named.is_file().then(|| named.to_owned());
+        return sources.is_file(named).then(|| named.to_owned());
     }
     let absolute = std::path::absolute(scenario).ok()?;
-    let found = absolute.ancestors().skip(1).map(|d| d.join(named)).find(|p| p.is_file())?;
+    let found = absolute.ancestors().skip(1).map(|d| d.join(named)).find(|p| sources.is_file(p))?;
     let here = std::env::current_dir().unwrap_or_default();
     Some(found.strip_prefix(&here).map(Path::to_owned).unwrap_or(found))
 }

@@ -25,7 +25,7 @@ use super::{
 use crate::{
     cli::{BodeArgs, PayloadArg, PlacesArg},
     failure::Failure,
-    rehearse::progress,
+    observers::progress,
 };
 
 /// Stiffness of the payloads, N/m: the paper's stiffest contact.

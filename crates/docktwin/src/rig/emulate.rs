@@ -6,28 +6,29 @@ use docktwin_hil::{
     ipc::{RigEvent, RigServer, ServeOptions},
     realtime::{catch_termination, relax},
 };
+use docktwin_run::commission::Stand;
 use serde_json::json;
 
-use super::{EmulateArgs, Stand};
+use super::EmulateArgs;
 use crate::failure::Failure;
 
 /// Runs the command.
 pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure> {
-    let stand = Stand::load(&args.rig, &args.built)?;
-    let mut plant = stand.emulated(&args.built, &stand.clear())?;
+    let stand = Stand::load(&args.built.options(&args.rig)?)?;
+    let mut plant = stand.emulated(&stand.clear())?;
     let usage = |e: &dyn core::fmt::Display, remedy: &str| Failure::Usage {
         what: e.to_string(),
         remedy: remedy.to_owned(),
     };
     let mut server = RigServer::open(&args.name)
         .map_err(|e| usage(&e, "a rig that still runs under this name is ended with Ctrl-C"))?;
-    let report = args.realtime.apply()?;
+    let report = args.realtime.options().apply()?;
     let stop = catch_termination();
     if as_json {
         println!(
             "{}",
             json!({ "ready": format!("ipc:{}", args.name), "rig": stand.rig.name,
-                "mechanism": stand.scenario.name, "best_effort": report.is_best_effort() })
+                "mechanism": stand.scenario_name(), "best_effort": report.is_best_effort() })
         );
     } else {
         println!(
@@ -35,7 +36,7 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
             args.name,
             stand.rig.name,
             stand.preset.word(),
-            stand.scenario.name,
+            stand.scenario_name(),
             if report.is_best_effort() { ", best effort" } else { "" }
         );
     }

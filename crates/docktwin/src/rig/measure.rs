@@ -1,213 +1,75 @@
-//! `rig calibrate` and `rig identify`: a rig is led through motions, and what was found is written.
+//! `rig calibrate` and `rig identify`: what was found, in a file and in words.
 
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
-    time::Duration,
 };
 
-use docktwin::rigfile::{CalibrationFile, DOFS, IdentificationFile, Origin, RigFile, write};
-use docktwin_control::{rig::RigSetup, safety::SafetyLimits};
-use docktwin_core::{Digest, Pose};
-use docktwin_hil::{
-    calibrate::{CalibrateSetup, Touch, calibrate as calibrated},
-    clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
-    drive::{Drive, DriveSetup},
-    identify::{FREQUENCIES_HZ, IdentifySetup, identify as identified},
-    in_process::InProcess,
-    realtime::relax,
-    rig::Rig,
-    scheduler::LegCorrections,
+use docktwin_hil::{calibrate::Calibration, identify::Identification};
+use docktwin_run::{
+    commission::{self, CalibrateOptions, DriveOptions, IdentifyOptions, Stand},
+    rigfile::{DOFS, RigFile, write},
 };
 
-use super::{CalibrateArgs, IdentifyArgs, MeasureArgs, Stand};
-use crate::{
-    cli::ClockArg,
-    failure::Failure,
-    rigs::{LedArgs, PERIOD_NS, RigPlace, confirm, connect, identification, new_session, patience},
-};
+use super::{CalibrateArgs, IdentifyArgs, MeasureArgs};
+use crate::{commands::timestamp, failure::Failure, observers::AtTerminal};
 
-/// From place to place, m/s and rad/s.
-const MOVE: [f64; 2] = [0.1, 0.05];
-/// By how much sensor A may change before the drive is stopped, N.
-const TOUCHED_N: f64 = 50.0;
-const TOUCH_N: f64 = 500.0;
-/// Tilt of a mechanism that has room, and of a stick in its frame, rad.
-const TILT_RAD: f64 = 0.08;
-const STICK_TILT_RAD: f64 = 0.012;
-/// How often a touch is made, Hz.
-const TOUCH_HZ: f64 = 2.0;
-
-fn failed(e: &dyn core::fmt::Display) -> Failure {
-    Failure::Usage {
-        what: e.to_string(),
-        remedy: "the rig was stopped, and nothing was written".to_owned(),
-    }
-}
-
-/// What is done with a rig on the lead.
-pub(super) trait Work {
-    type Found;
-    fn work<R: Rig, K: Clock>(&self, drive: &mut Drive<R, K>) -> Result<Self::Found, Failure>;
-}
-
-/// Takes a rig over, does the work by the clock that was asked for, and lets the rig go.
-pub(super) fn lead<R: Rig, W: Work>(
-    rig: R,
-    led: &LedArgs,
-    setup: DriveSetup,
-    work: &W,
-) -> Result<W::Found, Failure> {
-    match led.clock {
-        ClockArg::Virtual => with_clock(rig, VirtualClock::new(PERIOD_NS), setup, work),
-        ClockArg::Realtime => {
-            led.realtime.apply_aloud()?;
-            let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
-            let found = with_clock(rig, clock, setup, work);
-            relax();
-            found
-        }
-    }
-}
-
-fn with_clock<R: Rig, K: Clock, W: Work>(
-    rig: R,
-    clock: K,
-    setup: DriveSetup,
-    work: &W,
-) -> Result<W::Found, Failure> {
-    let setup = DriveSetup { patience: patience::<K>(), ..setup };
-    let mut drive = Drive::start(setup, rig, clock).map_err(|e| failed(&e))?;
-    let found = work.work(&mut drive)?;
-    drive.finish().map_err(|e| failed(&e))?;
-    Ok(found)
-}
-
-/// A rig and where it is measured.
-struct Task<'a> {
-    args: &'a MeasureArgs,
-    stand: Stand,
-    place: Pose,
-    corrections: LegCorrections,
-    may_change_n: f64,
-}
-
-impl<'a> Task<'a> {
-    fn new(args: &'a MeasureArgs) -> Result<Self, Failure> {
-        let stand = Stand::load(&args.model, &args.built)?;
-        let mut place = stand.clear();
-        if let Some(mm) = args.at_x_mm {
-            place.p.x = stand.rig.docking.middle_m.x + mm * 1e-3;
-        }
-        let corrections = LegCorrections::default();
-        Ok(Self { args, stand, place, corrections, may_change_n: TOUCHED_N })
+impl MeasureArgs {
+    fn stand(&self) -> Result<Stand, Failure> {
+        Ok(Stand::load(&self.built.options(&self.model)?)?)
     }
 
-    fn believed(&self) -> RigSetup {
-        RigSetup::of_rig(&self.stand.rig, self.stand.preset, None)
-    }
-
-    fn run<W: Work>(&self, work: &W) -> Result<W::Found, Failure> {
-        confirm(&self.args.rig, self.args.led.yes)?;
-        let rig = &self.stand.rig;
-        let setup = DriveSetup {
-            rig: rig.clone(),
-            feedforward: RigSetup::of_rig(rig, self.stand.preset, None).feedforward(),
-            corrections: self.corrections,
-            limits: SafetyLimits::of_rig(rig, self.may_change_n, f64::INFINITY),
-            speed: MOVE,
-            session: new_session(),
-            patience: Duration::ZERO,
-        };
-        match &self.args.rig {
-            RigPlace::Emulated => {
-                let plant = self.stand.emulated(&self.args.built, &self.place)?;
-                lead(InProcess::new(plant), &self.args.led, setup, work)
-            }
-            RigPlace::Port(name) => lead(connect(name)?, &self.args.led, setup, work),
+    fn drive(&self) -> DriveOptions {
+        DriveOptions {
+            place: self.rig.clone(),
+            clock: self.led.clock.kind(),
+            realtime: self.led.realtime.options(),
         }
     }
 
-    fn origin(&self) -> Origin {
-        let a = self.args;
-        let port = a.rig.to_string();
-        let mut o = Origin::now(&self.stand.rig, self.stand.preset, &port, &self.place);
-        if a.rig == RigPlace::Emulated {
-            (o.seed, o.perturb) = (Some(a.built.seed), a.built.perturb);
-        }
-        o
+    fn at_x_m(&self) -> Option<f64> {
+        self.at_x_mm.map(|mm| mm * 1e-3)
     }
 
-    /// Writes the file and tells where it is.
+    /// Writes the file and says where it is.
     fn finish<T: RigFile>(
         &self,
         content: &T,
         words: &[String],
         json: bool,
     ) -> Result<ExitCode, Failure> {
-        let path = self.args.out.clone().unwrap_or_else(|| {
-            let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
-            let name = format!("{}-{}-{now}.toml", self.stand.rig.name, T::COMMAND);
-            Path::new("calibrations").join(name)
+        let path = self.out.clone().unwrap_or_else(|| {
+            let rig = &content.origin().rig;
+            Path::new("calibrations").join(format!("{rig}-{}-{}.toml", T::COMMAND, timestamp()))
         });
-        let digest = write(&path, content)?;
-        tell(content, &path, digest, words, json);
+        let digest = write(&path, content).map_err(docktwin_run::RunError::from)?;
+        if json {
+            println!(
+                "{}",
+                serde_json::json!({ "file": path, "digest": digest.to_string(), "found": content })
+            );
+        } else {
+            words.iter().for_each(|l| println!("{l}"));
+            println!("written      {}, digest {digest}", path.display());
+        }
         Ok(ExitCode::SUCCESS)
-    }
-}
-
-fn tell<T: RigFile>(content: &T, path: &PathBuf, digest: Digest, words: &[String], json: bool) {
-    if json {
-        println!(
-            "{}",
-            serde_json::json!({ "file": path, "digest": digest.to_string(), "found": content })
-        );
-        return;
-    }
-    words.iter().for_each(|l| println!("{l}"));
-    println!("written      {}, digest {digest}", path.display());
-}
-
-impl Work for IdentifySetup {
-    type Found = docktwin_hil::identify::Identification;
-
-    fn work<R: Rig, K: Clock>(&self, drive: &mut Drive<R, K>) -> Result<Self::Found, Failure> {
-        identified(drive, self).map_err(|e| failed(&e))
-    }
-}
-
-impl Work for CalibrateSetup {
-    type Found = docktwin_hil::calibrate::Calibration;
-
-    fn work<R: Rig, K: Clock>(&self, drive: &mut Drive<R, K>) -> Result<Self::Found, Failure> {
-        calibrated(drive, self).map_err(|e| failed(&e))
     }
 }
 
 /// Runs `rig identify`.
 pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Failure> {
-    let mut task = Task::new(&args.measure)?;
-    let lever_m = task
-        .stand
-        .system
-        .mechanism()
-        .stick
-        .map_or(task.believed().platform.plate_radius_m(), |s| s.lever_m);
-    task.stand.free_the_stick();
-    let dofs = if args.dof.is_empty() {
-        (0..6).collect()
-    } else {
-        args.dof.iter().map(|d| *d as usize).collect()
-    };
-    let setup = IdentifySetup {
-        legs: task.believed().believed_legs,
-        place: task.place,
+    let m = &args.measure;
+    let asked = IdentifyOptions {
+        at_x_m: m.at_x_m(),
+        dofs: args.dof.iter().map(|d| *d as usize).collect(),
         room_m: args.room_mm * 1e-3,
-        dofs,
-        hz: FREQUENCIES_HZ.to_vec(),
-        lever_m,
     };
-    let found = task.run(&setup)?;
+    let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
+    let (found, file) = commission::identify(m.stand()?, &m.drive(), &asked, &mut operator)?;
+    m.finish(&file, &identified(&found), json)
+}
+
+fn identified(found: &Identification) -> Vec<String> {
     let mut words = vec![format!(
         "delay        {:.3} ms from the instant a command is for to the plate ({:.3} ms before \
          corrections)",
@@ -226,46 +88,37 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
             b.hold_error_m[i] * 1e6
         ));
     }
-    for p in &found.response {
-        words.push(format!(
+    words.extend(found.response.iter().map(|p| {
+        format!(
             "{:<5} {:>6.3} Hz  |G| {:.4}, {:+.2} deg, coupling {:.3}",
             DOFS[p.dof],
             p.hz,
             p.gain.norm(),
             p.gain.arg().to_degrees(),
             p.coupling
-        ));
-    }
-    task.finish(&IdentificationFile::new(task.origin(), &found), &words, json)
+        )
+    }));
+    words
 }
 
 /// Runs `rig calibrate`.
 pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Failure> {
-    let mut task = Task::new(&args.measure)?;
-    let sensors = task.stand.rig.sensors.ok_or_else(|| Failure::Usage {
-        what: "the rig has no table [sensors]".to_owned(),
-        remedy: "add one; models/urdf/stewart.toml is an example".to_owned(),
-    })?;
-    let mut setup = CalibrateSetup::at(task.place, sensors);
-    setup.tilt_rad = if task.stand.has_stick() { STICK_TILT_RAD } else { TILT_RAD };
-    if let Some(mm) = args.touch_mm {
-        if !task.stand.has_stick() {
-            return Err(Failure::Usage {
-                what: "only a light stick can be touched for this".to_owned(),
-                remedy: "give a scenario with a stick, scenarios/vibro_impact.toml is one"
-                    .to_owned(),
-            });
-        }
-        setup.touch = Some(Touch { dof: 1, amplitude_m: mm * 1e-3, hz: TOUCH_HZ });
-        task.may_change_n = TOUCH_N;
-    }
-    if let Some(path) = &args.identification {
-        task.corrections = identification(path, &task.stand.rig)?.1.corrections();
-    }
-    let found = task.run(&setup)?;
+    let m = &args.measure;
+    let asked = CalibrateOptions {
+        at_x_m: m.at_x_m(),
+        identification: args.identification.clone(),
+        touch_m: args.touch_mm.map(|mm| mm * 1e-3),
+    };
+    let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
+    let (found, file) = commission::calibrate(m.stand()?, &m.drive(), &asked, &mut operator)?;
+    m.finish(&file, &calibrated(&found), json)
+}
+
+fn calibrated(found: &Calibration) -> Vec<String> {
     let (p, c) = (&found.payload, found.payload.com_m);
     let i = p.inertia_kg_m2.to_cols_array_2d();
     let us = |s: f64| s * 1e6;
+    let (zero, tare) = (&found.zero_b, &found.tare_a);
     let mut words = vec![
         format!(
             "B carries    {:.3} kg, mass centre ({:.4}, {:.4}, {:.4}) m",
@@ -274,17 +127,9 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
         format!("             inertia {:.2}, {:.2}, {:.2} kg m2", i[0][0], i[1][1], i[2][2]),
         format!(
             "zero of B    ({:.2}, {:.2}, {:.2}) N, ({:.2}, {:.2}, {:.2}) N m",
-            found.zero_b.f.x,
-            found.zero_b.f.y,
-            found.zero_b.f.z,
-            found.zero_b.m.x,
-            found.zero_b.m.y,
-            found.zero_b.m.z
+            zero.f.x, zero.f.y, zero.f.z, zero.m.x, zero.m.y, zero.m.z
         ),
-        format!(
-            "tare of A    ({:.2}, {:.2}, {:.2}) N",
-            found.tare_a.f.x, found.tare_a.f.y, found.tare_a.f.z
-        ),
+        format!("tare of A    ({:.2}, {:.2}, {:.2}) N", tare.f.x, tare.f.y, tare.f.z),
         format!("unexplained  {:.3} N, {:.3} N m", found.rest[0], found.rest[1]),
     ];
     for (name, delay) in [("A", found.delay_s[0]), ("B", found.delay_s[1])] {
@@ -296,5 +141,19 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
     if let Some(s) = found.accelerometer_delay_s {
         words.push(format!("accelerometers {:.1} us behind positions of the same stamp", us(s)));
     }
-    task.finish(&CalibrationFile::new(task.origin(), &found), &words, json)
+    words
+}
+
+/// Options of an emulated rig.
+impl super::BuiltArgs {
+    pub(super) fn options(&self, model: &Path) -> Result<commission::StandOptions, Failure> {
+        Ok(commission::StandOptions {
+            model: PathBuf::from(model),
+            scenario: self.scenario.clone(),
+            loader: crate::commands::loader(&self.set)?,
+            seed: self.seed,
+            perturb: self.perturb,
+            preset: self.preset.map(crate::cli::PresetArg::preset),
+        })
+    }
 }

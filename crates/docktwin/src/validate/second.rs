@@ -6,22 +6,22 @@ use std::{
     process::{Command, Stdio},
 };
 
-use docktwin::signals::columns;
 use docktwin_core::{DVec3, SimTime, Tick};
 use docktwin_physics::contact::{PAIRS, SurfacePair};
 use docktwin_record::{
     Cell, Column, ColumnKind, ContactRow, Event, Outcome, Policy, RecordError, RunWriter,
     SUMMARY_SCHEMA, StepUs, Summary, Verdict, files, read_table,
 };
+use docktwin_run::{
+    observer::CONTACT_GAP_S,
+    provenance::{ModelCopies, digest_keys},
+    signals::columns,
+};
 use docktwin_scenario::{ExpectedOutcome, Measured, Scenario};
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::{
-    failure::Failure,
-    models::ModelCopies,
-    rehearse::{CONTACT_GAP_S, digest_keys},
-};
+use crate::failure::Failure;
 
 /// Names the Python with MuJoCo.
 const PYTHON: &str = "DOCKTWIN_PYTHON";
@@ -185,7 +185,7 @@ pub(super) fn record(
     .map(|(k, v)| (k.to_owned(), v))
     .into();
     metadata.extend(digest_keys(&scenario.files).map(|(k, f)| (k, f.digest.to_string())));
-    let models = ModelCopies::read(scenario)?;
+    let models = ModelCopies::of(scenario)?;
     let pair_names = (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
     let mut writer = RunWriter::create(out, known.clone(), pair_names, &metadata, Policy::Wait)?;
     models.write(&writer)?;

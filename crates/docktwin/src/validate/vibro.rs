@@ -33,9 +33,9 @@ use crate::{
     analyze::{Results, plots::sheet},
     cli::{ClockArg, PresetArg, compensator, not_negative},
     failure::{Failure, OTHERWISE},
+    observers::AtTerminal,
     rigs::{
-        LedArgs, PERIOD_NS, RigPlace, best_effort, compensation, confirm, connect, new_session,
-        patience,
+        LedArgs, PERIOD_NS, RigPlace, best_effort, compensation, connect, new_session, patience,
     },
 };
 
@@ -199,7 +199,8 @@ struct Bench<'a> {
 /// Runs the command.
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
     let bench = Bench::new(args)?;
-    confirm(&args.rig, args.led.yes)?;
+    let mut operator = AtTerminal { yes: args.led.yes, quiet: json };
+    docktwin_run::rig_place::confirm(&mut operator, &args.rig)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
     let axes = if args.axis.is_empty() {
         vec![axes("x"), axes("y")].into_iter().flatten().collect()
@@ -315,7 +316,7 @@ impl<'a> Bench<'a> {
         match self.args.led.clock {
             ClockArg::Virtual => self.with_clock(test, rig, VirtualClock::new(PERIOD_NS), session),
             ClockArg::Realtime => {
-                let lacking = best_effort(&self.args.led.realtime.apply()?);
+                let lacking = best_effort(&self.args.led.realtime.options().apply()?);
                 let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
                 let out = self.with_clock(test, rig, clock, session);
                 relax();
@@ -431,7 +432,7 @@ fn answer(bench: &Bench<'_>, tested: &[Tested]) -> Value {
     let lead_s = bench.compensation.lead_s();
     json!({
         "rig": bench.args.rig.to_string(), "model": bench.args.model.to_string_lossy(),
-        "preset": bench.preset.word(), "clock": bench.args.led.clock.name(),
+        "preset": bench.preset.word(), "clock": bench.args.led.clock.kind().name(),
         "compensator": bench.compensation.name(), "lead_s": lead_s,
         "sensors": bench.args.sensors, "tests": tests,
     })

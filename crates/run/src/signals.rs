@@ -9,13 +9,16 @@ use docktwin_physics::{
 };
 use docktwin_record::{Cell, Column, ContactRow};
 
+use crate::control::Situation;
+
 /// Most places of contact recorded in one tick.
 pub const MAX_CONTACTS: usize = 32;
 
-/// One instant, everything derived from the state.
-pub struct Instant<'a> {
-    /// The state looked at.
-    pub state: &'a DockingState,
+/// One instant: the state, and everything that follows from it.
+#[derive(Clone, Debug)]
+pub struct Instant {
+    /// The state.
+    pub state: DockingState,
     /// Contacts, deflection, latch gaps, frames.
     pub measured: Measured,
     /// Wrenches inside the mechanism.
@@ -38,10 +41,10 @@ pub struct Instant<'a> {
     pub latch_force_n: [DVec3; 3],
 }
 
-impl<'a> Instant<'a> {
-    /// Looks at a state. `h` is the physics step, over which friction is evaluated.
+impl Instant {
+    /// Evaluates a state. `h` is the physics step, s, over which friction is evaluated.
     #[must_use]
-    pub fn new(system: &System, state: &'a DockingState, time_s: f64, h: f64) -> Self {
+    pub fn new(system: &System, state: DockingState, time_s: f64, h: f64) -> Self {
         let poses = state.poses();
         let com = poses.map(|x| x.p);
         let mass = system.mass();
@@ -82,8 +85,8 @@ impl<'a> Instant<'a> {
         let port4 =
             forces.on_target.shifted(frames.x_w4.p - about).rotated(frames.x_w4.q.conjugate());
         Self {
-            energy: system.energy(state, &measured),
-            momentum: system.momentum(state),
+            energy: system.energy(&state, &measured),
+            momentum: system.momentum(&state),
             contacts,
             contact_count,
             relative: Twist { v: back * (t.v - c.v), w: back * (t.w - c.w) },
@@ -114,6 +117,21 @@ impl<'a> Instant<'a> {
                 .rotated(frames.x_w4.q.conjugate()),
             depth_m: self.state.peak_depth_m,
             overtravel_m: self.overtravel_m,
+        }
+    }
+
+    /// The same for whoever commands the thrusters.
+    #[must_use]
+    pub fn situation(&self, time_s: f64) -> Situation {
+        let frames = self.measured.poses();
+        Situation {
+            time_s,
+            bodies: [self.state.bodies[CHASER], self.state.bodies[TARGET]],
+            x_34: frames.x_w3.inverse() * frames.x_w4,
+            relative: self.relative,
+            port4: self.port4,
+            first_contact_s: self.state.first_contact_s,
+            captured_s: self.state.mechanism.captured_s(),
         }
     }
 
@@ -192,7 +210,7 @@ pub fn columns() -> Vec<Column> {
 }
 
 /// The places of contact of an instant; `out` is cleared and filled.
-pub fn contact_rows(i: &Instant<'_>, out: &mut Vec<ContactRow>) {
+pub fn contact_rows(i: &Instant, out: &mut Vec<ContactRow>) {
     out.clear();
     out.extend(i.contacts().iter().map(|c| ContactRow {
         pair: u16::try_from(c.pair).unwrap_or(u16::MAX),
@@ -205,7 +223,7 @@ pub fn contact_rows(i: &Instant<'_>, out: &mut Vec<ContactRow>) {
 }
 
 /// One row; `out` is cleared and filled without growing after the first tick.
-pub fn row(i: &Instant<'_>, system: &System, inputs: &Inputs, digest: u64, out: &mut Vec<Cell>) {
+pub fn row(i: &Instant, system: &System, inputs: &Inputs, digest: u64, out: &mut Vec<Cell>) {
     out.clear();
     let mut vector = |v: DVec3| out.extend(v.to_array().map(Cell::from));
     for (b, m) in i.state.bodies.iter().zip(system.mass()) {

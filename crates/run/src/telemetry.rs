@@ -214,14 +214,14 @@ impl Watcher {
 
     /// One instant, made of the state that [`Watcher::take`] returned and of what was measured.
     #[must_use]
-    pub fn instant<'a>(
-        &'a mut self,
+    pub fn instant(
+        &mut self,
         system: &System,
-        shown: &'a DockingState,
+        shown: DockingState,
         r: &TickRecord,
         time_s: f64,
         tick_s: f64,
-    ) -> Instant<'a> {
+    ) -> Instant {
         let mut now = Instant::new(system, shown, time_s, tick_s);
         now.port3 = r.ports.port3;
         now.port4 = r.ports.port4;
@@ -235,7 +235,7 @@ impl Watcher {
         self.state.mechanism.losses = EnergyLosses { contact: lost, ..EnergyLosses::default() };
         now.energy = Energy { kinetic, stored: 0.0, lost, work_in: self.state.work_in_j };
         now.momentum = system.momentum(&self.state);
-        now.state = &self.state;
+        now.state = self.state.clone();
         now
     }
 }

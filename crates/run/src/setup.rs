@@ -105,15 +105,25 @@ pub fn inputs_after(
 /// Whether a thrust is on at `time_s` or still to come.
 #[must_use]
 pub fn thrust_ahead(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> bool {
+    thrust_ahead_of(thrusts, state.first_contact_s, state.mechanism.captured_s(), time_s)
+}
+
+/// Whether a thrust is on at `time_s` or still to come, given the times of first contact and capture.
+#[must_use]
+pub fn thrust_ahead_of(
+    thrusts: &[Thrust],
+    first_contact_s: Option<f64>,
+    captured_s: Option<f64>,
+    time_s: f64,
+) -> bool {
     thrusts.iter().any(|t| {
-        let captured = state.mechanism.captured_s();
         let from = match t.after {
             Trigger::Start => Some(0.0),
-            Trigger::FirstContact => state.first_contact_s,
+            Trigger::FirstContact => first_contact_s,
             // Without a capture this thrust never comes.
-            Trigger::Capture => captured,
+            Trigger::Capture => captured_s,
         };
-        let ended = t.until_capture && captured.is_some();
+        let ended = t.until_capture && captured_s.is_some();
         !ended && from.is_some_and(|from| time_s < from + t.delay_s + t.duration_s)
     })
 }

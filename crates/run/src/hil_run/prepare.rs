@@ -1,0 +1,521 @@
+//! Everything that is known before a rig moves.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use docktwin_control::{
+    compensator::Compensator as _,
+    rig::RigSetup,
+    safety::{Limit, SafetyLimits, half_widths},
+    sensing::SensorScheme,
+};
+use docktwin_core::{Digest, Pose};
+use docktwin_hil::{
+    calibrate::{Calibration, accelerometers_ahead_s},
+    emulated::{EmulatedRig, clear},
+    identify::{Identification, sensor_interface},
+    in_process::InProcess,
+    scheduler::{Approach, Check, LegCorrections, LoopSetup, TickRecord},
+    vibro::believed_delays_s,
+};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, RigSensors, SixAxisSensor, load_rig_from};
+use docktwin_physics::{
+    body::BodyState, mechanism::System, mounted::Payload, programme::Programme,
+};
+use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
+
+use super::{Commands, PERIOD_NS, check, seconds};
+use crate::{
+    control::{Control, Situation, TimedThrusts},
+    error::RunError,
+    provenance::{KeptFile, digest_keys},
+    rig_place::{
+        ClockKind, Operator, RigPlace, calibration, compensation, confirm, identification,
+        new_session,
+    },
+    rigfile::{CalibrationFile, IdentificationFile, Origin, Read},
+    setup::start,
+    telemetry::CONTACT_N,
+};
+
+/// Rig when neither scenario nor options name one.
+const DEFAULT_RIG: &str = "models/urdf/stewart.urdf";
+/// Folder of a run directory that holds its rig.
+const RIG_FOLDER: &str = "models/rig";
+/// Largest file of a rig that is kept, bytes.
+const MOST_RIG_BYTES: u64 = 1 << 20;
+/// Age at which an identification or a calibration is no longer believed, days.
+const MOST_DAYS: f64 = 30.0;
+/// Fastest of the first move, m/s and rad/s.
+const MOVE_M_S: f64 = 0.1;
+const MOVE_RAD_S: f64 = 0.05;
+/// Rest before the run-up, s.
+const SETTLE_S: f64 = 0.6;
+/// Longest way of the run-up along the docking axis, m, and the times it may take, s.
+const RUN_UP_M: f64 = 0.1;
+const RUN_UP_S: [f64; 2] = [0.2, 4.0];
+/// Loads at which the supervisor stops, over the mechanism's own limits.
+const LOAD_MARGIN: f64 = 1.2;
+
+/// How a loop with a rig is run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HilOptions {
+    /// Where the rig is.
+    pub place: RigPlace,
+    /// What drives the ticks.
+    pub clock: ClockKind,
+    /// Against the delay of the rig; else as the scenario says, or lead.
+    pub compensator: Option<CompensatorChoice>,
+    /// Lead, s; else as the scenario says, or the delay that is believed.
+    pub lead_s: Option<f64>,
+    /// TOML or URDF of the rig; else as the scenario says, or the default rig.
+    pub model: Option<PathBuf>,
+    /// File of `rig identify`.
+    pub identification: Option<PathBuf>,
+    /// File of `rig calibrate`.
+    pub calibration: Option<PathBuf>,
+    /// Seed of an emulated rig's noise.
+    pub seed: u64,
+    /// Draws an emulated rig within the spread of its file.
+    pub perturb: Option<u64>,
+    /// Slowly to the initial condition and back, without closing the loop.
+    pub dry_run: bool,
+}
+
+impl HilOptions {
+    /// Whether such a run repeats bit by bit: not in real time, nor against a rig in another process.
+    #[must_use]
+    pub fn repeats(&self) -> bool {
+        self.clock == ClockKind::Virtual && self.place == RigPlace::Emulated
+    }
+}
+
+/// A loop with a rig, prepared: everything is known, and nothing has moved.
+///
+/// ```
+/// use docktwin_run::{HilOptions, HilRun, SummaryOnly};
+/// use docktwin_scenario::Loader;
+/// # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+/// # let path = root.join("scenarios/apas_nominal.toml");
+/// let scenario = Loader::new().set("run.duration_s", 1.2).load(&path)?;
+/// let run = HilRun::new(&scenario, HilOptions::default())?;
+/// let rig = run.emulated()?;
+/// let summary = run.run(rig, &mut SummaryOnly)?;
+/// println!("{}", summary.outcome);
+/// # Ok::<(), docktwin_run::RunError>(())
+/// ```
+pub struct HilRun<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) options: HilOptions,
+    pub(super) rig_path: PathBuf,
+    pub(super) rig: RigModel,
+    pub(super) preset: HydraulicPreset,
+    pub(super) system: System,
+    pub(super) bodies: [BodyState; 3],
+    pub(super) setup: LoopSetup,
+    known: Known,
+}
+
+/// What was found out about this rig beforehand.
+struct Known {
+    identification: Option<(Read<IdentificationFile>, Identification)>,
+    calibration: Option<(Read<CalibrationFile>, Calibration)>,
+}
+
+impl Known {
+    fn read(options: &HilOptions, rig: &RigModel) -> Result<Self, RunError> {
+        let [i, c] = [&options.identification, &options.calibration].map(Option::as_deref);
+        Ok(Self {
+            identification: i.map(|path| identification(path, rig)).transpose()?,
+            calibration: c.map(|path| calibration(path, rig)).transpose()?,
+        })
+    }
+
+    /// Delay of the plate and the lead that undoes plate and sensor, as identified.
+    fn delays_s(&self, sensor: &SixAxisSensor) -> Option<(f64, f64)> {
+        let found = &self.identification.as_ref()?.1;
+        let of_a = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
+        let lag_s = self
+            .calibration
+            .as_ref()
+            .map_or_else(|| sensor_interface(sensor).lag_s(), |c| c.1.lag_s(1, sensor));
+        Some((found.delay_s() + lag_s, found.lead_s(&of_a)))
+    }
+
+    /// Lag of sensor B less that of the accelerometers.
+    fn accelerometers_ahead_s(&self, sensors: &RigSensors) -> f64 {
+        self.calibration.as_ref().map_or_else(
+            || accelerometers_ahead_s(sensors),
+            |c| c.1.accelerometers_ahead_s(sensors),
+        )
+    }
+
+    fn corrections(&self) -> LegCorrections {
+        self.identification.as_ref().map_or_else(LegCorrections::default, |i| i.1.corrections())
+    }
+
+    /// Either file by what it holds, if it was given.
+    fn files(&self) -> [(&'static str, Option<KnownFile<'_>>); 2] {
+        let of = |origin: &Origin, digest: &Digest| (origin.age_days(), digest.to_string());
+        let i = self.identification.as_ref().map(|(file, _)| {
+            let (days, digest) = of(&file.content.origin, &file.digest);
+            KnownFile { days, digest, path: &file.path }
+        });
+        let c = self.calibration.as_ref().map(|(file, _)| {
+            let (days, digest) = of(&file.content.origin, &file.digest);
+            KnownFile { days, digest, path: &file.path }
+        });
+        [("identification", i), ("calibration", c)]
+    }
+}
+
+/// A file of `rig identify` or `rig calibrate`.
+struct KnownFile<'a> {
+    /// Age.
+    days: f64,
+    digest: String,
+    path: &'a Path,
+}
+
+impl<'a> HilRun<'a> {
+    /// Reads the rig and what is known of it, and checks that it can show the approach.
+    ///
+    /// # Errors
+    /// Problems of the rig's files, a start at which the sides overlap, or beyond the rig's reach.
+    pub fn new(scenario: &'a Scenario, options: HilOptions) -> Result<Self, RunError> {
+        let rig_path = rig_path(&options, scenario)?;
+        let rig = load_rig_from(&scenario.sources, &rig_path)?.model;
+        let preset = scenario.hil.preset.unwrap_or(rig.hydraulics.default_preset);
+        let (system, bodies) = start(scenario)?;
+        let tick_s = period_s(scenario)?;
+        let programme = Programme::new(&system, &bodies, tick_s);
+        let believed = RigSetup::of_rig(&rig, preset, None);
+        let run_up_s = run_up_s(&system, &bodies, &programme);
+        for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
+            within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
+        }
+        let known = Known::read(&options, &rig)?;
+        let setup = Prepared {
+            scenario,
+            options: &options,
+            rig_path: &rig_path,
+            rig: &rig,
+            system: &system,
+            known: &known,
+            believed: &believed,
+        }
+        .loop_setup(programme, run_up_s)?;
+        Ok(Self { scenario, options, rig_path, rig, preset, system, bodies, setup, known })
+    }
+
+    /// The rig emulated in this process, drawn back.
+    ///
+    /// # Errors
+    /// The rig's file lacks what an emulation needs.
+    pub fn emulated(&self) -> Result<InProcess<EmulatedRig>, RunError> {
+        let rest = clear(&self.rig, &self.system);
+        EmulatedRig::new(
+            &self.rig,
+            self.preset,
+            self.options.perturb,
+            self.options.seed,
+            self.system.clone(),
+            &rest,
+        )
+        .map(InProcess::new)
+        .map_err(|e| RunError::usage(e.to_string(), format!("mend {}", self.rig_path.display())))
+    }
+
+    /// The rig as its file says.
+    #[must_use]
+    pub const fn rig(&self) -> &RigModel {
+        &self.rig
+    }
+
+    /// What the bodies know before the first tick, and what moves them.
+    pub(super) fn commands<C: Control>(&self, control: C) -> Commands<(TimedThrusts, C)> {
+        Commands {
+            control: (TimedThrusts::of(self.scenario), control),
+            now: Situation {
+                time_s: 0.0,
+                bodies: [self.bodies[0], self.bodies[2]],
+                x_34: self.setup.bodies.x_34(),
+                relative: self.setup.bodies.free(0.0).twist,
+                port4: docktwin_core::Wrench::ZERO,
+                first_contact_s: None,
+                captured_s: None,
+            },
+        }
+    }
+
+    /// Points of the checklist that the loop itself cannot look at.
+    pub(super) fn checks(&self, operator: &mut impl Operator) -> Result<Vec<Check>, RunError> {
+        let limits = &self.setup.limits;
+        let mut out = vec![check(
+            "limits",
+            true,
+            format!(
+                "loaded from {}: {:.0} N, {:.0} N·m at the ports",
+                self.rig_path.display(),
+                limits.of(Limit::Force),
+                limits.of(Limit::Moment)
+            ),
+        )];
+        for (name, known) in self.known.files() {
+            out.push(match known {
+                None => check(name, true, "none: the rig's file is believed"),
+                Some(KnownFile { days, digest, .. }) if days < MOST_DAYS => {
+                    check(name, true, format!("{days:.1} days old, {}", &digest[..12]))
+                }
+                Some(KnownFile { days, .. }) => check(
+                    name,
+                    false,
+                    format!("{days:.0} days old: make it again, at most {MOST_DAYS:.0} days count"),
+                ),
+            });
+        }
+        confirm(operator, &self.options.place)?;
+        out.push(check(
+            "operator",
+            true,
+            if self.options.place == RigPlace::Emulated {
+                "not asked: nothing but an emulation moves"
+            } else {
+                "confirmed: emergency stop tested, nobody near the rig"
+            },
+        ));
+        Ok(out)
+    }
+
+    /// What the recording says of itself.
+    pub(super) fn metadata(&self) -> BTreeMap<String, String> {
+        let (o, compensation) = (&self.options, &self.setup.compensation);
+        let mut m: BTreeMap<String, String> = [
+            ("tool", "docktwin".to_owned()),
+            ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("command", "hil".to_owned()),
+            ("scenario", self.scenario.name.clone()),
+            ("seed", o.seed.to_string()),
+            ("rig", o.place.to_string()),
+            ("clock", o.clock.name().to_owned()),
+            ("compensator", compensation.name().to_owned()),
+            ("lead_s", compensation.lead_s().to_string()),
+            ("preset", self.preset.word().to_owned()),
+            ("perturb", o.perturb.map_or("none".to_owned(), |s| s.to_string())),
+            ("tick_nanos", self.scenario.run.tick_nanos.to_string()),
+            ("digest:rig", self.rig.digest.to_string()),
+            ("started_unix_ns", jiff::Timestamp::now().as_nanosecond().to_string()),
+        ]
+        .into_iter()
+        .map(|(k, v)| (k.to_owned(), v))
+        .collect();
+        for (name, known) in self.known.files() {
+            if let Some(file) = known {
+                m.insert(format!("digest:{name}"), file.digest);
+            }
+        }
+        m.extend(digest_keys(&self.scenario.files).map(|(key, f)| (key, f.digest.to_string())));
+        m
+    }
+
+    /// The rig's files and what is known of it, for the run directory, and the name of the URDF there.
+    pub(super) fn kept(&self) -> Result<(PathBuf, Vec<KeptFile>), RunError> {
+        let mut out = Vec::new();
+        let mut keep = |what: &str, name: PathBuf, from: &Path| {
+            let bytes = self.scenario.sources.read(from, MOST_RIG_BYTES).map_err(|why| {
+                RunError::usage(
+                    format!(
+                        "the {what} cannot be kept with the run: {}: {}",
+                        why.what,
+                        from.display()
+                    ),
+                    "run it again when nothing else writes the file",
+                )
+            })?;
+            out.push((name, bytes));
+            Ok::<(), RunError>(())
+        };
+        let stem = self.rig_path.file_stem().unwrap_or_default();
+        let mut name = Path::new(RIG_FOLDER).join(stem);
+        for kind in ["toml", "urdf"] {
+            name.set_extension(kind);
+            keep("rig", name.clone(), &self.rig_path.with_extension(kind))?;
+        }
+        for (what, known) in self.known.files() {
+            if let Some(file) = known {
+                keep(what, kept_name(what), file.path)?;
+            }
+        }
+        Ok((name, out))
+    }
+}
+
+/// Where a run directory keeps the file of `rig identify` or `rig calibrate`.
+pub(super) fn kept_name(what: &str) -> PathBuf {
+    Path::new(RIG_FOLDER).join(format!("{what}.toml"))
+}
+
+/// Takes in what a tick showed.
+pub(super) fn see(now: &mut Situation, r: &TickRecord) {
+    now.bodies = r.bodies;
+    now.x_34 = r.motion.x_34;
+    now.relative = r.motion.twist;
+    now.port4 = r.ports.port4;
+    let Some(k) = r.closed_tick else { return };
+    let time_s = seconds(k);
+    if r.ports.port4.f.length() > CONTACT_N {
+        now.first_contact_s.get_or_insert(time_s);
+    }
+    if r.measurement.mechanism[9] > 0.5 {
+        now.captured_s.get_or_insert(time_s);
+    }
+    // Of the tick to come.
+    now.time_s = seconds(k + 1);
+}
+
+/// What the set-up of a loop is made of.
+struct Prepared<'a> {
+    scenario: &'a Scenario,
+    options: &'a HilOptions,
+    rig_path: &'a Path,
+    rig: &'a RigModel,
+    system: &'a System,
+    known: &'a Known,
+    believed: &'a RigSetup,
+}
+
+impl Prepared<'_> {
+    fn loop_setup(&self, bodies: Programme, run_up_s: f64) -> Result<LoopSetup, RunError> {
+        let (rig, hil, known) = (self.rig, &self.scenario.hil, self.known);
+        let sensors = rig.sensors.ok_or_else(|| {
+            RunError::usage(
+                format!("the rig has no table [sensors]: {}", self.rig_path.display()),
+                "add one; models/urdf/stewart.toml is an example",
+            )
+        })?;
+        let believed_s = believed_delays_s(rig).iter().sum();
+        let (interface_delay_s, lead_s) =
+            known.delays_s(&sensors.force).unwrap_or((believed_s, believed_s));
+        let choice =
+            self.options.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
+        let lead_s = self.options.lead_s.or(hil.lead_s).unwrap_or(lead_s);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 30")]
+        let added_ticks = (hil.added_delay_s / super::PERIOD_S).round() as usize;
+        Ok(LoopSetup {
+            added_ticks,
+            feedforward: self.believed.feedforward(),
+            corrections: known.corrections(),
+            compensation: compensation(choice, lead_s)?,
+            scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
+            payload: known.calibration.as_ref().map_or_else(
+                || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+                |c| c.1.payload,
+            ),
+            ring_mass_kg: self.system.ring_mass_kg(),
+            interface_delay_s,
+            accelerometers_ahead_s: known.accelerometers_ahead_s(&sensors),
+            limits: self.limits(),
+            approach: Approach {
+                speed_m_s: MOVE_M_S,
+                rate_rad_s: MOVE_RAD_S,
+                settle_s: SETTLE_S,
+                run_up_s,
+            },
+            bodies,
+            ticks: self.scenario.run.ticks(),
+            session: if self.options.repeats() { 1 } else { new_session() },
+            patience: core::time::Duration::ZERO,
+            dry_run: self.options.dry_run,
+            rig: rig.clone(),
+        })
+    }
+
+    fn limits(&self) -> SafetyLimits {
+        let (hil, limits) = (&self.scenario.hil, &self.scenario.mechanism.limits);
+        let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
+        let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
+        SafetyLimits::of_rig(
+            self.rig,
+            hil.force_limit_n.unwrap_or(force),
+            hil.moment_limit_nm.unwrap_or(moment),
+        )
+    }
+}
+
+fn period_s(scenario: &Scenario) -> Result<f64, RunError> {
+    #[expect(clippy::cast_precision_loss, reason = "a tick is far below 2^53 ns")]
+    let tick_s = scenario.run.tick_nanos as f64 * 1e-9;
+    if scenario.run.tick_nanos == PERIOD_NS {
+        return Ok(tick_s);
+    }
+    Err(RunError::usage(
+        format!("the loop runs at 1 kHz, the scenario has ticks of {tick_s} s"),
+        "leave run.tick_s at 0.001 for `hil`",
+    ))
+}
+
+fn rig_path(options: &HilOptions, scenario: &Scenario) -> Result<PathBuf, RunError> {
+    if let Some(path) = &options.model {
+        return Ok(path.with_extension("urdf"));
+    }
+    let named = scenario.hil.rig.as_deref().unwrap_or(DEFAULT_RIG);
+    let from = scenario.files.first().map_or(Path::new("."), |f| &f.path);
+    resolve_path_from(&scenario.sources, from, Path::new(named)).ok_or_else(|| {
+        RunError::usage(
+            format!(
+                "the rig is found neither beside the scenario nor in any folder above it: {named}"
+            ),
+            "name it with --model RIG.toml, or as loop.rig in the scenario",
+        )
+    })
+}
+
+/// The longest run-up that stays clear of the other side.
+fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> f64 {
+    let speed = programme.free(0.0).twist.v.length().max(1e-3);
+    let [shortest, longest] = RUN_UP_S;
+    let mut time = (2.0 * RUN_UP_M / speed).clamp(shortest, longest);
+    let free = |time: f64| {
+        (0..=50).all(|i| {
+            let mut back = *bodies;
+            for (b, m) in back.iter_mut().zip(system.mass()) {
+                b.drift(m, -0.5 * time * f64::from(i) / 50.0);
+            }
+            system.follow(&mut back);
+            !system.touches(&system.poses(&back.map(|b| b.pose())))
+        })
+    };
+    while time > shortest && !free(time) {
+        time *= 0.8;
+    }
+    time.max(shortest)
+}
+
+/// The rig can show this pose with room to spare.
+fn within_reach(
+    rig: &RigModel,
+    believed: &RigSetup,
+    x_34: &Pose,
+    what: &str,
+) -> Result<(), RunError> {
+    let c = believed.believed_platform.at(&rig.plate_from_docking(x_34));
+    let margins = believed.believed_platform.stroke_margins_m(&c.length_m);
+    let least = margins.iter().copied().fold(f64::INFINITY, f64::min);
+    let limits = SafetyLimits::of_rig(rig, 0.0, 0.0);
+    let (far, most) = (half_widths(rig, x_34), limits.of(Limit::Pose));
+    if least > limits.of(Limit::Stroke) && far < most {
+        return Ok(());
+    }
+    let p = x_34.p;
+    Err(RunError::usage(
+        format!(
+            "the rig cannot show the {what}, X_34 at ({:.2}, {:.2}, {:.2}) m: {far:.2} half-widths of \
+             the docking workspace from its middle (most {most}), {least:.2} m of stroke left",
+            p.x, p.y, p.z
+        ),
+        "give a smaller initial.gap_m or other initial conditions; \
+         `docktwin analyze workspace RIG.toml` tells what the rig reaches",
+    ))
+}

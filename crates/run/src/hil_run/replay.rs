@@ -1,0 +1,92 @@
+//! A recorded loop once more: the recorded control wrenches, the same emulated rig, a virtual clock.
+
+use docktwin_hil::{
+    clock::VirtualClock,
+    scheduler::{Loop, Phase},
+};
+use docktwin_scenario::{CompensatorChoice, load_scenario};
+
+use super::{HilOptions, HilRun, PERIOD_NS, prepare::kept_name};
+use crate::{
+    error::RunError,
+    provenance::same_files,
+    replay::{Replay, Replayed},
+};
+
+/// Options with which the recording was made.
+fn options(replay: &Replay) -> Result<HilOptions, RunError> {
+    let (run, metadata) = (replay.path(), replay.metadata());
+    let of = |key: &str| metadata.get(key).map_or("", String::as_str);
+    if !docktwin_record::repeats(metadata) {
+        return Err(RunError::usage(
+            format!(
+                "a run against `{}` with the {} clock does not repeat bit by bit: {}",
+                of("rig"),
+                of("clock"),
+                run.display()
+            ),
+            "replay runs with --rig emulated and the virtual clock; `diff` compares others",
+        ));
+    }
+    let kept = |name: &str| {
+        metadata.contains_key(&format!("digest:{name}")).then(|| run.join(kept_name(name)))
+    };
+    let words = CompensatorChoice::WORDS;
+    Ok(HilOptions {
+        compensator: words.into_iter().find(|(w, _)| *w == of("compensator")).map(|(_, c)| c),
+        lead_s: of("lead_s").parse().ok(),
+        seed: of("seed").parse().map_err(|_| damaged(replay, "no seed"))?,
+        perturb: of("perturb").parse().ok(),
+        identification: kept("identification"),
+        calibration: kept("calibration"),
+        ..HilOptions::default()
+    })
+}
+
+fn damaged(replay: &Replay, what: &str) -> RunError {
+    RunError::usage(
+        format!("{what}: {}", replay.path().display()),
+        "run.mcap and the models are not of one run, or damaged; use another copy",
+    )
+}
+
+/// Replays into `found`.
+pub(crate) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), RunError> {
+    let options = options(replay)?;
+    if !replay.has_phase() {
+        return Err(damaged(replay, "the recording has no column `loop_phase`"));
+    }
+    let scenario = load_scenario(&replay.path().join("scenario.toml"), &[])?;
+    same_files(&scenario.files, replay.metadata(), replay.path())?;
+    let prepared = HilRun::new(&scenario, options)?;
+    let of = |key: &str| replay.metadata().get(key).map_or("", String::as_str);
+    if of("digest:rig") != prepared.rig.digest.to_string() || of("preset") != prepared.preset.word()
+    {
+        return Err(damaged(replay, "the rig is not the one of the recording"));
+    }
+    let rig = prepared.emulated()?;
+    let checks = prepared.checks(&mut ())?;
+    let mut running = Loop::new(prepared.setup, rig, VirtualClock::new(PERIOD_NS))
+        .arm(checks)
+        .map_err(|e| damaged(replay, &e.to_string()))?
+        .start();
+    let mut next = replay.next()?;
+    while let Some(then) = next {
+        if then.phase == Phase::Stop as u64 && running.phase() == Phase::Closed {
+            running.end();
+        }
+        let r = running.tick(&then.control).map_err(|e| damaged(replay, &e.to_string()))?;
+        // The way to the initial condition is not recorded.
+        if r.closed_tick.is_none() && found.ticks == 0 {
+            continue;
+        }
+        found.ticks += 1;
+        let now = r.digest().short();
+        if now != then.digest {
+            found.first_difference = Some(then.differs(now));
+            return Ok(());
+        }
+        next = replay.next()?;
+    }
+    Ok(())
+}

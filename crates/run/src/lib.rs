@@ -1,0 +1,51 @@
+//! What a run is: a rehearsal of a scenario ([`Rehearsal`]), a loop with a rig ([`HilRun`]), a replay of
+//! a recording ([`Replay`]). Each is a value that steps tick by tick for a caller with a loop of its own,
+//! and runs whole for one without; where the ticks go is a [`Sink`]: a run directory, memory, or nothing
+//! but the summary.
+//!
+//! ```
+//! use docktwin_run::{Rehearsal, SummaryOnly};
+//! use docktwin_scenario::Scenario;
+//! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+//! # let path = root.join("scenarios/basic_central_impact.toml");
+//! let scenario = Scenario::from_path(path)?;                       // or from a text, or built
+//! let summary = Rehearsal::new(&scenario)?.run(&mut SummaryOnly)?; // or RunDirectory, Memory, …
+//! assert!(summary.peak_force_n > 24e3);
+//! # Ok::<(), docktwin_run::RunError>(())
+//! ```
+//!
+//! From a scenario to bodies and control wrenches: [`setup`]; from a state to everything that is recorded
+//! of it: [`signals`], with a rig [`telemetry`]; what is gathered along a run and judged: [`observer`];
+//! how near a rig comes to the simulated system: [`fidelity`].
+//!
+//! Absent on purpose: the command line, printing, terminals, the viewer.
+
+#![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
+
+pub mod commission;
+pub mod control;
+mod error;
+pub mod event;
+pub mod fidelity;
+mod hil_run;
+pub mod observer;
+pub mod progress;
+pub mod provenance;
+mod rehearsal;
+mod replay;
+pub mod rig_place;
+pub mod rigfile;
+pub mod ring;
+pub mod setup;
+pub mod signals;
+pub mod sink;
+pub mod telemetry;
+mod twin;
+
+pub use control::{Coasting, Control, Situation, TimedThrusts};
+pub use error::RunError;
+pub use hil_run::{HilOptions, HilRun, PERIOD_NS, RunningHil};
+pub use rehearsal::{Rehearsal, RehearsalOptions, RunningRehearsal, pair_names};
+pub use replay::{Difference, Replay, Replayed};
+pub use sink::{Memory, RunDirectory, Signals, Sink, SinkError, SummaryOnly};
+pub use twin::{AnyTwin, TickedTwin, TwinKind};

@@ -1,0 +1,236 @@
+//! A replay: the recorded control wrenches through the same twin, compared tick by tick.
+
+use std::path::{Path, PathBuf};
+
+use docktwin_core::{DVec3, Wrench};
+use docktwin_physics::reduced::Inputs;
+use docktwin_record::{Cell, RunReader};
+use docktwin_scenario::{Scenario, load_scenario};
+
+use crate::{
+    error::RunError,
+    provenance::same_files,
+    setup::{start, tick_digest},
+    signals::input_columns,
+    twin::{TickedTwin, TwinKind},
+};
+
+/// Steps in one tick, as a scenario may ask for.
+const MOST_STEPS: u32 = 10_000;
+
+/// Where a replay first differs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// Tick.
+    pub tick: u64,
+    /// Its time, s.
+    pub time_s: f64,
+    /// Digest as recorded.
+    pub recorded: u64,
+    /// Digest of the replay.
+    pub replayed: u64,
+}
+
+/// What a replay found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Replayed {
+    /// Ticks that were compared.
+    pub ticks: u64,
+    /// Why the recording ends before the run did.
+    pub cut: Option<String>,
+    /// The first tick that differs.
+    pub first_difference: Option<Difference>,
+}
+
+/// A recorded tick as far as a replay needs it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RecordedTick {
+    /// Number.
+    pub(crate) tick: u64,
+    /// Time, s.
+    pub(crate) time_s: f64,
+    /// Control wrenches.
+    pub(crate) control: Inputs,
+    /// `loop_phase`; 0 where there is none.
+    pub(crate) phase: u64,
+    /// Digest of the tick.
+    pub(crate) digest: u64,
+}
+
+/// A recording, opened for a replay.
+pub struct Replay {
+    run: PathBuf,
+    reader: RunReader,
+    columns: Columns,
+}
+
+impl Replay {
+    /// Opens a run directory.
+    ///
+    /// # Errors
+    /// It cannot be read, or lacks what a replay needs.
+    pub fn open(run: &Path) -> Result<Self, RunError> {
+        let reader = RunReader::open(run)?;
+        let columns = Columns::find(&reader, run)?;
+        Ok(Self { run: run.to_owned(), reader, columns })
+    }
+
+    /// Replays it to its end, or to the first tick that differs.
+    ///
+    /// # Errors
+    /// The recording does not repeat (it kept real time, or the rig was in another process), its files
+    /// do not belong together, or nothing of it can be read.
+    pub fn run(mut self) -> Result<Replayed, RunError> {
+        let mut found = Replayed::default();
+        if self.of("command")? == "hil" {
+            crate::hil_run::replay(&mut self, &mut found)?;
+        } else {
+            self.rehearsal(&mut found)?;
+        }
+        found.cut = self.reader.cut().map(|c| c.to_string());
+        if found.ticks == 0 {
+            let why = found.cut.unwrap_or_else(|| "it ends before the first".to_owned());
+            return Err(RunError::usage(
+                format!("no tick can be read from the recording: {why}: {}", self.run.display()),
+                "use another copy, or rehearse again",
+            ));
+        }
+        Ok(found)
+    }
+
+    /// The run directory.
+    pub(crate) fn path(&self) -> &Path {
+        &self.run
+    }
+
+    /// Whether it has the phase of a loop.
+    pub(crate) const fn has_phase(&self) -> bool {
+        self.columns.phase.is_some()
+    }
+
+    /// What the recording says of itself.
+    pub(crate) fn metadata(&self) -> &std::collections::BTreeMap<String, String> {
+        self.reader.metadata()
+    }
+
+    /// One word of it.
+    fn of(&self, key: &str) -> Result<String, RunError> {
+        self.metadata().get(key).cloned().ok_or_else(|| {
+            RunError::usage(
+                format!("{} names no `{key}`", self.run.display()),
+                "this recording was not made by `docktwin rehearse`",
+            )
+        })
+    }
+
+    fn number(&self, key: &str) -> Result<u64, RunError> {
+        self.of(key)?.parse::<u64>().map_err(|e| {
+            RunError::usage(
+                format!("`{key}` of {}: {e}", self.run.display()),
+                "the recording is damaged; use another copy",
+            )
+        })
+    }
+
+    fn damaged(&self, what: String) -> RunError {
+        RunError::usage(
+            format!("{what}: {}", self.run.display()),
+            "run.mcap and scenario.toml are not of one run, or damaged; use another copy",
+        )
+    }
+
+    /// The next recorded tick.
+    pub(crate) fn next(&mut self) -> Result<Option<RecordedTick>, RunError> {
+        let columns = &self.columns;
+        Ok(self.reader.next_tick()?.map(|t| RecordedTick {
+            tick: t.tick.0,
+            time_s: t.time.seconds(),
+            control: columns.control(&t.row),
+            phase: columns.phase.map_or(0, |i| t.row[i].bits()),
+            digest: t.row[columns.digest].bits(),
+        }))
+    }
+
+    fn rehearsal(&mut self, found: &mut Replayed) -> Result<(), RunError> {
+        let scenario = load_scenario(&self.run.join("scenario.toml"), &[])?;
+        same_files(&scenario.files, self.metadata(), &self.run)?;
+        let mut twin = self.twin(&scenario)?;
+        while let Some(t) = self.next()? {
+            found.ticks += 1;
+            let replayed = tick_digest(twin.twin().digest(), &t.control).short();
+            if t.digest != replayed {
+                found.first_difference = Some(t.differs(replayed));
+                break;
+            }
+            twin.tick(&t.control);
+        }
+        Ok(())
+    }
+
+    /// The twin that made the recording, at its start.
+    fn twin(&self, scenario: &Scenario) -> Result<TickedTwin, RunError> {
+        let (tick_nanos, steps) = (self.number("tick_nanos")?, self.number("steps_per_tick")?);
+        if tick_nanos != scenario.run.tick_nanos {
+            return Err(self.damaged(format!(
+                "the recording has ticks of {tick_nanos} ns, its scenario.toml of {} ns",
+                scenario.run.tick_nanos
+            )));
+        }
+        let in_tick = u32::try_from(steps).ok().filter(|n| (1..=MOST_STEPS).contains(n));
+        let in_tick = in_tick.ok_or_else(|| {
+            self.damaged(format!(
+                "the recording has {steps} steps in a tick; allowed: 1 to {MOST_STEPS}"
+            ))
+        })?;
+        let word = self.of("twin")?;
+        let kind = TwinKind::WORDS.into_iter().find(|(w, _)| *w == word).map(|(_, kind)| kind);
+        let kind = kind.ok_or_else(|| {
+            RunError::usage(
+                format!("the recording was made by a twin called `{word}`: {}", self.run.display()),
+                "this version knows `full` and `reduced`",
+            )
+        })?;
+        let (system, bodies) = start(scenario)?;
+        Ok(TickedTwin::new(kind, system, bodies, tick_nanos, in_tick))
+    }
+}
+
+impl RecordedTick {
+    pub(crate) const fn differs(&self, replayed: u64) -> Difference {
+        Difference { tick: self.tick, time_s: self.time_s, recorded: self.digest, replayed }
+    }
+}
+
+/// Where control wrenches, phase and digest stand in a row.
+struct Columns {
+    inputs: Vec<usize>,
+    phase: Option<usize>,
+    digest: usize,
+}
+
+impl Columns {
+    fn find(reader: &RunReader, run: &Path) -> Result<Self, RunError> {
+        let index = |name: &str| {
+            reader.column_index(name).ok_or_else(|| {
+                RunError::usage(
+                    format!("{} has no column `{name}`", run.display()),
+                    "the recording was made by another version; replay it with that one",
+                )
+            })
+        };
+        Ok(Self {
+            inputs: input_columns().iter().map(|n| index(n)).collect::<Result<_, _>>()?,
+            phase: reader.column_index("loop_phase"),
+            digest: index("state_digest")?,
+        })
+    }
+
+    fn control(&self, row: &[Cell]) -> Inputs {
+        let number = |i: usize| row[self.inputs[i]].as_f64();
+        let vector = |i: usize| DVec3::new(number(i), number(i + 1), number(i + 2));
+        Inputs {
+            chaser: Wrench { f: vector(0), m: vector(3) },
+            target: Wrench { f: vector(6), m: vector(9) },
+        }
+    }
+}
