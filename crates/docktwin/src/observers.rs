@@ -9,23 +9,37 @@ use docktwin_run::{
     RunError, Sink, SinkError, Situation,
     progress::Progress,
     rig_place::{Operator, RigPlace},
-    sink::TickView,
+    sink::{Header, TickView},
 };
 
 /// Between two lines to a pilot, ns of the run's time.
 const PILOT_LINE_NS: u64 = 100_000_000;
-/// On the way of a loop to its initial condition, every so many ticks.
-const PILOT_LINE_TICKS: u64 = 100;
 
 /// What a pilot without a window flies by: one line that replaces itself.
 #[derive(Default)]
 pub(crate) struct PilotLine {
+    tick_nanos: u64,
     ticks: u64,
 }
 
+impl PilotLine {
+    /// Whether a line is due with this tick.
+    fn due(&mut self) -> bool {
+        let every = (PILOT_LINE_NS / self.tick_nanos.max(1)).max(1);
+        let due = self.ticks.is_multiple_of(every);
+        self.ticks += 1;
+        due
+    }
+}
+
 impl Sink for PilotLine {
+    fn begin(&mut self, header: &Header<'_>) -> Result<(), SinkError> {
+        self.tick_nanos = header.scenario.run.tick_nanos;
+        Ok(())
+    }
+
     fn tick(&mut self, t: &TickView<'_>) -> Result<(), SinkError> {
-        if t.time.nanos().is_multiple_of(PILOT_LINE_NS) {
+        if self.due() {
             let when = format!("t {:7.2} s", t.time.seconds());
             write_line(&when, &Flight { now: t.situation, control: &t.control.chaser });
         }
@@ -33,11 +47,10 @@ impl Sink for PilotLine {
     }
 
     fn approach(&mut self, phase: &'static str, situation: &Situation) {
-        if self.ticks.is_multiple_of(PILOT_LINE_TICKS) {
+        if self.due() {
             let flight = Flight { now: situation, control: &Wrench::ZERO };
             write_line(&format!("{phase:8}"), &flight);
         }
-        self.ticks += 1;
     }
 }
 
