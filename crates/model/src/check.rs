@@ -176,7 +176,7 @@ pub fn model_check(path: &Path) -> Report {
 }
 
 fn report(out: Findings, derived: Vec<String>) -> Report {
-    let problems = input::first_of(out.problems, 0);
+    let problems = crate::problem::first_of(out.problems, 0);
     let mut read: Vec<String> = out.values.iter().map(ToString::to_string).collect();
     read.extend(derived);
     let mut files: Vec<PathBuf> = out.files.into_iter().map(|f| f.path).collect();

@@ -4,17 +4,11 @@ use std::fs;
 use std::io::Read as _;
 use std::path::Path;
 
-use crate::problem::Problem;
+pub use crate::text::{is_unprintable, plain, shown, shown_path};
 
 /// Largest text file that is read, bytes. The largest model shipped has 25 000; parsing takes some
 /// hundred times as much memory in the worst case.
 pub const MAX_TEXT_BYTES: u64 = 1 << 20;
-/// Problems listed of one file; what is beyond is counted.
-pub(crate) const MAX_PROBLEMS: usize = 100;
-/// Longest path shown in a message, characters: PATH_MAX of Linux.
-const LONGEST_PATH: usize = 4096;
-/// Longest name or value shown in a message, characters.
-const SHOWN: usize = 120;
 
 /// Why a file cannot be read, in the fields of a [`Problem`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -27,22 +21,6 @@ pub struct Unreadable {
     pub allowed: String,
     /// What to do.
     pub remedy: String,
-}
-
-impl Unreadable {
-    /// As a problem of `file` in its role `key`.
-    #[must_use]
-    pub fn problem(self, file: &Path, key: &str) -> Problem {
-        Problem {
-            file: file.into(),
-            line: self.line,
-            key: key.into(),
-            what: self.what,
-            allowed: self.allowed,
-            remedy: self.remedy,
-            ..Problem::default()
-        }
-    }
 }
 
 /// Bytes of a regular file of at most `most` bytes. Directories, pipes, sockets and devices are
@@ -127,74 +105,6 @@ pub fn text_of(bytes: impl Into<Vec<u8>>) -> Result<String, Unreadable> {
     })
 }
 
-/// Whether a terminal or an editor might take the character for a command, or show it so that the
-/// text reads as another one.
-#[must_use]
-pub fn is_unprintable(c: char) -> bool {
-    c.is_control()
-        || matches!(c,
-            '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
-}
-
-/// A text with everything unprintable written as `\u{1b}`; line feeds stay.
-#[must_use]
-pub fn plain(text: &str) -> String {
-    if !text.chars().any(|c| is_unprintable(c) && c != '\n') {
-        return text.to_owned();
-    }
-    let mut out = String::with_capacity(text.len() + 16);
-    for c in text.chars() {
-        match c {
-            '\n' => out.push(c),
-            '\t' => out.push(' '),
-            c if is_unprintable(c) => out.extend(c.escape_unicode()),
-            c => out.push(c),
-        }
-    }
-    out
-}
-
-/// A name or value as it is shown in a message: on one line, printable, cut when long.
-#[must_use]
-pub fn shown(text: &str) -> String {
-    let mut out: String = text.chars().take(SHOWN).collect();
-    if out.len() < text.len() {
-        out.pop();
-        out.push('…');
-    }
-    plain(&out).replace('\n', "\\n")
-}
-
-/// A path as it is shown: printable, and only its end when it is longer than any system takes.
-#[must_use]
-pub fn shown_path(path: &Path) -> String {
-    let text = path.to_string_lossy();
-    let n = text.chars().count();
-    if n <= LONGEST_PATH {
-        return plain(&text).replace('\n', "\\n");
-    }
-    let end: String = text.chars().skip(n - LONGEST_PATH).collect();
-    format!("…{}", plain(&end).replace('\n', "\\n"))
-}
-
-/// The first of many problems of one file, and the number of the others as the last.
-/// `unlisted` were left out before.
-pub(crate) fn first_of(mut problems: Vec<Problem>, unlisted: usize) -> Vec<Problem> {
-    if problems.len() > MAX_PROBLEMS {
-        let more = problems.len() - MAX_PROBLEMS + unlisted;
-        let file = problems[0].file.clone();
-        problems.truncate(MAX_PROBLEMS);
-        problems.push(Problem {
-            file,
-            key: "more".into(),
-            what: format!("{more} more problems are not listed"),
-            remedy: "mend those above first".into(),
-            ..Problem::default()
-        });
-    }
-    problems
-}
-
 /// Line numbers of a text by offset.
 #[derive(Clone, Debug)]
 pub struct Lines(Vec<usize>);
@@ -225,13 +135,5 @@ mod tests {
             let counted = 1 + text.bytes().take(offset).filter(|b| *b == b'\n').count();
             assert_eq!(lines.at(offset), counted, "{offset}");
         }
-    }
-
-    #[test]
-    fn invariant_nothing_unprintable_is_shown() {
-        assert_eq!(plain("a\u{1b}[31m\u{9b}\u{202e}b\nµ\tc"), "a\\u{1b}[31m\\u{9b}\\u{202e}b\nµ c");
-        assert_eq!(shown("a\nb"), "a\\nb");
-        assert_eq!(shown(&"µ".repeat(200)).chars().count(), SHOWN);
-        assert_eq!(shown("short"), "short");
     }
 }

@@ -19,6 +19,7 @@ mod rig;
 mod rig_check;
 pub mod sources;
 mod spacecraft;
+mod text;
 pub mod toml_check;
 mod urdf;
 

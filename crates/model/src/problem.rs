@@ -5,7 +5,11 @@ use std::sync::Arc;
 use docktwin_core::Digest;
 
 use crate::Sources;
-use crate::input::{self, first_of, plain, shown, shown_path};
+use crate::input::{self, Unreadable};
+use crate::text::{plain, shown, shown_path};
+
+/// Problems listed of one file; what is beyond is counted.
+pub(crate) const MAX_PROBLEMS: usize = 100;
 
 /// One thing wrong with a file: where, what stands there, what may stand there, what to do.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -199,4 +203,38 @@ impl Findings {
         self.files.iter().for_each(|f| h.bytes(&f.digest.0));
         h.finish()
     }
+}
+
+impl Unreadable {
+    /// As a problem of `file` in its role `key`.
+    #[must_use]
+    pub fn problem(self, file: &Path, key: &str) -> Problem {
+        Problem {
+            file: file.into(),
+            line: self.line,
+            key: key.into(),
+            what: self.what,
+            allowed: self.allowed,
+            remedy: self.remedy,
+            ..Problem::default()
+        }
+    }
+}
+
+/// The first of many problems of one file, and the number of the others as the last.
+/// `unlisted` were left out before.
+pub(crate) fn first_of(mut problems: Vec<Problem>, unlisted: usize) -> Vec<Problem> {
+    if problems.len() > MAX_PROBLEMS {
+        let more = problems.len() - MAX_PROBLEMS + unlisted;
+        let file = problems[0].file.clone();
+        problems.truncate(MAX_PROBLEMS);
+        problems.push(Problem {
+            file,
+            key: "more".into(),
+            what: format!("{more} more problems are not listed"),
+            remedy: "mend those above first".into(),
+            ..Problem::default()
+        });
+    }
+    problems
 }

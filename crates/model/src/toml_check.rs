@@ -180,7 +180,7 @@ impl<'a> Checker<'a> {
         let mut problems = self.problems.into_inner();
         let mut values = self.values.into_inner();
         problems.sort_by_key(|p| p.line);
-        let problems = input::first_of(problems, self.unlisted.get());
+        let problems = crate::problem::first_of(problems, self.unlisted.get());
         values.sort_by_key(|v| v.line);
         (problems, values)
     }

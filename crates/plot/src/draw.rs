@@ -339,7 +339,17 @@ fn labels(p: &Plot<'_>, x: [f64; 2], left: f64, right: f64) -> (Vec<Label>, f64)
     (out, rows)
 }
 
-pub(crate) fn svg(p: &Plot<'_>, embed: Embed) -> Result<String, PlotError> {
+impl Plot<'_> {
+    /// Draws it.
+    ///
+    /// # Errors
+    /// A range, size or mixture that cannot be drawn. Missing data are no error: the plot says so.
+    pub fn svg(&self, embed: Embed) -> Result<String, PlotError> {
+        svg(self, embed)
+    }
+}
+
+fn svg(p: &Plot<'_>, embed: Embed) -> Result<String, PlotError> {
     let l = Layout::new(p)?;
     let total = l.top + p.height + l.bottom;
     let mut body = String::new();

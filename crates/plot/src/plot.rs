@@ -1,7 +1,5 @@
 use core::ops::Range;
 
-use crate::draw;
-
 /// Colours that readers with any kind of colour vision tell apart (after Okabe and Ito), each with a
 /// light and a dark variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -411,13 +409,5 @@ impl<'a> Plot<'a> {
     pub const fn equal_aspect(mut self) -> Self {
         self.equal = true;
         self
-    }
-
-    /// Draws it.
-    ///
-    /// # Errors
-    /// A range, size or mixture that cannot be drawn. Missing data are no error: the plot says so.
-    pub fn svg(&self, embed: Embed) -> Result<String, PlotError> {
-        draw::svg(self, embed)
     }
 }

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use docktwin_core::DVec3;
 use docktwin_model::MechanismLimits;
 use docktwin_record::{
-    ColumnKind, ContactRow, Event, RecordError, RunReader, SUMMARY_SCHEMA, Summary, files,
+    Cell, ColumnKind, ContactRow, Event, RecordError, RunReader, SUMMARY_SCHEMA, Summary, files,
 };
 use docktwin_scenario::{Scenario, load_scenario};
 
 use crate::ReportError;
 use crate::geometry::{Bodies, BodyColumns, Geometry};
-use crate::moments::{self, Moment};
+use crate::moments::{self, Facts, Moment};
 use crate::story::{Collector, Contact, KINDS, Pair};
 
 /// Ports further than this from where they were recorded mean other models, m.
@@ -57,6 +57,59 @@ pub(crate) struct Loads {
     pub(crate) depth_m: Largest,
     /// Length of the force.
     pub(crate) force_n: Largest,
+}
+
+impl Loads {
+    /// Force, N, and moment about the passive ring's centre, N·m, both in `e4`.
+    fn see(&mut self, f: DVec3, m: DVec3, t: f64) {
+        self.compression_n.see(f.x, t);
+        self.tension_n.see(-f.x, t);
+        self.shear_n.see(f.y.hypot(f.z), t);
+        self.torsion_nm.see(m.x.abs(), t);
+        self.bending_nm.see(m.y.hypot(m.z), t);
+        self.force_n.see(f.length(), t);
+    }
+}
+
+/// Columns kept for plots.
+struct Curves {
+    /// Place in the row, name and kind.
+    kept: Vec<(usize, String, ColumnKind)>,
+    values: Vec<Vec<f32>>,
+}
+
+impl Curves {
+    fn of(reader: &RunReader) -> Self {
+        let kept: Vec<(usize, String, ColumnKind)> = reader
+            .columns()
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| c.kind != ColumnKind::U64 || c.name.contains("phase"))
+            .map(|(i, c)| (i, c.name.clone(), c.kind))
+            .collect();
+        let values = vec![Vec::new(); kept.len()];
+        Self { kept, values }
+    }
+
+    fn add(&mut self, row: &[Cell]) {
+        for ((i, _, kind), out) in self.kept.iter().zip(&mut self.values) {
+            let cell = row.get(*i).copied().unwrap_or_default();
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_precision_loss,
+                reason = "for plots seven digits are enough"
+            )]
+            out.push(match kind {
+                ColumnKind::F64 => cell.as_f64() as f32,
+                ColumnKind::U64 => cell.as_u64() as f32,
+                ColumnKind::Bool => f32::from(u8::from(cell.as_bool())),
+            });
+        }
+    }
+
+    fn named(self) -> BTreeMap<String, Vec<f32>> {
+        self.kept.into_iter().map(|(_, name, _)| name).zip(self.values).collect()
+    }
 }
 
 /// A run directory, read.
@@ -165,38 +218,47 @@ impl Run {
         if bodies.is_none() && self.no_pictures.is_none() {
             self.no_pictures = Some("the record has no motion of the bodies".to_owned());
         }
-        let kept: Vec<(usize, String, ColumnKind)> = reader
-            .columns()
-            .iter()
-            .enumerate()
-            .filter(|(_, c)| c.kind != ColumnKind::U64 || c.name.contains("phase"))
-            .map(|(i, c)| (i, c.name.clone(), c.kind))
-            .collect();
-        let mut values: Vec<Vec<f32>> = vec![Vec::new(); kept.len()];
-        let kinds: Vec<usize> = self.pairs.iter().map(Pair::kind).collect();
-        let step_s = self.tick_s();
-        let mut collector = Collector::new(self.pairs.len(), step_s);
         let at = Places::find(&reader);
+        let mismatch_m = self.read_ticks(&mut reader, bodies.as_ref(), &at)?;
+        if let Some(cut) = reader.cut() {
+            let until =
+                self.time_s.last().map_or("nothing".to_owned(), |t| format!("up to {t:.3} s"));
+            self.incomplete = Some(format!(
+                "The log stops before its end mark ({}). Readable: {until}; everything below is \
+                 about that part.",
+                cut.why
+            ));
+        }
+        if mismatch_m > MISMATCH_M {
+            self.geometry = None;
+            self.no_pictures = Some(format!(
+                "the models found are not those of the run: they put the ports {:.1} mm from where \
+                 they were recorded",
+                mismatch_m * 1e3
+            ));
+        }
+        self.snapshots(&mut reader, bodies.as_ref(), &at)?;
+        Ok(())
+    }
+
+    /// First pass: every tick. Gives how far the ports are from where the models put them, m.
+    fn read_ticks(
+        &mut self,
+        reader: &mut RunReader,
+        bodies: Option<&BodyColumns>,
+        at: &Places,
+    ) -> Result<f64, RecordError> {
+        let mut curves = Curves::of(reader);
+        let kinds: Vec<usize> = self.pairs.iter().map(Pair::kind).collect();
+        let mut collector = Collector::new(self.pairs.len(), self.tick_s());
         let mut loads = at.port4.map(|_| Loads::default());
         let offset = self.geometry.as_ref().map_or(0.0, |g| g.mechanism.passive_ring_offset_m);
         let mut mismatch: f64 = 0.0;
         while let Some(tick) = reader.next_tick()? {
             let t = tick.time.seconds();
             self.time_s.push(t);
-            for ((i, _, kind), out) in kept.iter().zip(&mut values) {
-                let cell = tick.row.get(*i).copied().unwrap_or_default();
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_precision_loss,
-                    reason = "for plots seven digits are enough"
-                )]
-                out.push(match kind {
-                    ColumnKind::F64 => cell.as_f64() as f32,
-                    ColumnKind::U64 => cell.as_u64() as f32,
-                    ColumnKind::Bool => f32::from(u8::from(cell.as_bool())),
-                });
-            }
-            let now = bodies.as_ref().and_then(|c| c.read(&tick.row));
+            curves.add(&tick.row);
+            let now = bodies.and_then(|c| c.read(&tick.row));
             if let Some((g, b)) = self.geometry.as_ref().zip(now.as_ref()) {
                 mismatch = mismatch.max(g.mismatch_m(b));
             }
@@ -214,37 +276,34 @@ impl Run {
             }
             if let (Some(l), Some((f, m))) = (&mut loads, at.port4(&tick.row)) {
                 // Moment about the centre of the passive ring, which lies at −offset on X4.
-                let m = m - (DVec3::X * -offset).cross(f);
-                l.compression_n.see(f.x, t);
-                l.tension_n.see(-f.x, t);
-                l.shear_n.see(f.y.hypot(f.z), t);
-                l.torsion_nm.see(m.x.abs(), t);
-                l.bending_nm.see(m.y.hypot(m.z), t);
-                l.force_n.see(f.length(), t);
+                l.see(f, m - (DVec3::X * -offset).cross(f), t);
             }
         }
-        self.columns = kept.into_iter().map(|(_, name, _)| name).zip(values).collect();
+        self.columns = curves.named();
         self.contacts = collector.finish();
         self.loads = loads;
-        if let Some(cut) = reader.cut() {
-            let until =
-                self.time_s.last().map_or("nothing".to_owned(), |t| format!("up to {t:.3} s"));
-            self.incomplete = Some(format!(
-                "The log stops before its end mark ({}). Readable: {until}; everything below is \
-                 about that part.",
-                cut.why
-            ));
+        Ok(mismatch)
+    }
+
+    fn facts(&self) -> Facts {
+        Facts {
+            first_contact_s: self.contacts.first().map(|c| c.begin_s),
+            strongest_s: self.strongest().map(|c| c.peak.time_s),
+            closest_s: self.closest_s(),
+            latched_s: self.latched_s(),
+            capture_s: self.capture_s(),
+            port_load_s: self.loads.map(|l| l.force_n).filter(|l| l.value > 1.0).map(|l| l.time_s),
+            end_s: self.end_s(),
+            incomplete: self.incomplete.is_some(),
+            tick_s: self.tick_s(),
         }
-        if mismatch > MISMATCH_M {
-            self.geometry = None;
-            self.no_pictures = Some(format!(
-                "the models found are not those of the run: they put the ports {:.1} mm from where \
-                 they were recorded",
-                mismatch * 1e3
-            ));
-        }
-        self.snapshots(&mut reader, bodies.as_ref(), &at)?;
-        Ok(())
+    }
+
+    fn closest_s(&self) -> Option<f64> {
+        let axis = |a: &str| self.curve(&format!("relative_position_{a}_m"), 1.0);
+        let (x, y, z) = (axis("x")?, axis("y")?, axis("z")?);
+        let far = |i: usize| x[i][1].hypot(y[i][1]).hypot(z[i][1]);
+        (0..x.len()).min_by(|a, b| far(*a).total_cmp(&far(*b))).map(|i| x[i][0])
     }
 
     /// Second pass: the ticks of the key moments.
@@ -255,7 +314,7 @@ impl Run {
         at: &Places,
     ) -> Result<(), RecordError> {
         let (Some(columns), Some(_)) = (bodies, &self.geometry) else { return Ok(()) };
-        let mut wanted = moments::choose(self).into_iter().peekable();
+        let mut wanted = moments::choose(&self.facts()).into_iter().peekable();
         reader.rewind()?;
         while let Some(m) = wanted.peek() {
             let Some(tick) = reader.next_tick()? else { break };
@@ -416,7 +475,7 @@ impl Places {
     }
 
     /// F4 and M4 at the origin of `e4`, in `e4`.
-    fn port4(&self, row: &[docktwin_record::Cell]) -> Option<(DVec3, DVec3)> {
+    fn port4(&self, row: &[Cell]) -> Option<(DVec3, DVec3)> {
         let [a, b, c, d, e, f] = self.port4?.map(|i| row.get(i).map_or(f64::NAN, |c| c.as_f64()));
         let (force, moment) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
         (force.is_finite() && moment.is_finite()).then_some((force, moment))

@@ -1,6 +1,5 @@
 //! Which moments of a run are worth a picture.
 
-use crate::load::Run;
 use crate::words;
 
 /// At most this many pictures.
@@ -15,38 +14,62 @@ pub(crate) struct Moment {
     pub(crate) port: bool,
 }
 
+/// What the choice is made by; times in s.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Facts {
+    /// Of the first contact.
+    pub(crate) first_contact_s: Option<f64>,
+    /// Of the strongest contact, at its peak.
+    pub(crate) strongest_s: Option<f64>,
+    /// Of closest approach.
+    pub(crate) closest_s: Option<f64>,
+    pub(crate) latched_s: [Option<f64>; 3],
+    pub(crate) capture_s: Option<f64>,
+    /// Of the largest load on the port, where there is one.
+    pub(crate) port_load_s: Option<f64>,
+    pub(crate) end_s: f64,
+    /// Whether the record ends before the run.
+    pub(crate) incomplete: bool,
+    pub(crate) tick_s: f64,
+}
+
 /// The key moments of a run, in order; those closer than a few ticks are one.
-pub(crate) fn choose(run: &Run) -> Vec<Moment> {
+pub(crate) fn choose(facts: &Facts) -> Vec<Moment> {
     let mut all: Vec<(f64, String, bool)> = Vec::new();
     let mut add = |t: f64, title: &str, port: bool| all.push((t, title.to_owned(), port));
-    let end = run.end_s();
-    if let Some(first) = run.contacts.first() {
-        add((first.begin_s - 0.1).max(0.0), "before contact", false);
-        add(first.begin_s, "first contact", false);
-    } else if let Some(t) = closest(run) {
+    let end = facts.end_s;
+    if let Some(first) = facts.first_contact_s {
+        add((first - 0.1).max(0.0), "before contact", false);
+        add(first, "first contact", false);
+    } else if let Some(t) = facts.closest_s {
         add(0.0, "start", false);
         add(t, "closest approach", false);
     }
-    if let Some(c) = run.strongest() {
-        add(c.peak.time_s, "strongest contact", false);
+    if let Some(t) = facts.strongest_s {
+        add(t, "strongest contact", false);
     }
-    for (i, t) in run.latched_s().iter().enumerate() {
+    for (i, t) in facts.latched_s.iter().enumerate() {
         if let Some(t) = t {
             add(*t, &format!("latch {} catches", i + 1), false);
         }
     }
-    if let Some(t) = run.capture_s() {
+    if let Some(t) = facts.capture_s {
         add(t, "captured", false);
     }
-    let port = run.loads.map(|l| l.force_n).filter(|l| l.value > 1.0);
-    if let Some(l) = port {
-        add(l.time_s, "largest port load", true);
+    if let Some(t) = facts.port_load_s {
+        add(t, "largest port load", true);
     }
-    add(end, if run.incomplete.is_some() { "end of the record" } else { "end" }, false);
+    add(end, if facts.incomplete { "end of the record" } else { "end" }, false);
+    merged(all, facts)
+}
+
+/// In order of time, those closer than a few ticks as one, and not too many.
+fn merged(mut all: Vec<(f64, String, bool)>, facts: &Facts) -> Vec<Moment> {
+    let end = facts.end_s;
     all.retain(|(t, ..)| *t <= end + 1e-9);
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
 
-    let near = 2.5 * run.tick_s();
+    let near = 2.5 * facts.tick_s;
     let mut out: Vec<Moment> = Vec::new();
     for (time_s, title, port) in all {
         match out.last_mut() {
@@ -73,13 +96,6 @@ pub(crate) fn choose(run: &Run) -> Vec<Moment> {
         }
     }
     out
-}
-
-fn closest(run: &Run) -> Option<f64> {
-    let axis = |a: &str| run.curve(&format!("relative_position_{a}_m"), 1.0);
-    let (x, y, z) = (axis("x")?, axis("y")?, axis("z")?);
-    let far = |i: usize| x[i][1].hypot(y[i][1]).hypot(z[i][1]);
-    (0..x.len()).min_by(|a, b| far(*a).total_cmp(&far(*b))).map(|i| x[i][0])
 }
 
 /// `t = 0.714 s: first contact`

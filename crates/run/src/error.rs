@@ -5,7 +5,10 @@ use docktwin_model::{ModelErrors, Problem};
 use docktwin_record::RecordError;
 use docktwin_scenario::ScenarioErrors;
 
-use crate::{rigfile::RigFileError, setup::StartOverlap, sink::SinkError};
+use crate::{rigfile::RigFileError, setup::StartOverlap};
+
+/// Why a sink failed.
+pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Why a run cannot begin or go on. A rig that stops, a disk that fills up and an outcome that was not
 /// expected are no errors: they end a run with a summary.

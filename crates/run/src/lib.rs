@@ -20,8 +20,6 @@
 //!
 //! Absent on purpose: the command line, printing, terminals, the viewer.
 
-#![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
-
 pub mod commission;
 pub mod control;
 mod error;
@@ -43,9 +41,9 @@ pub mod telemetry;
 mod twin;
 
 pub use control::{Coasting, Control, Situation, TimedThrusts};
-pub use error::RunError;
+pub use error::{RunError, SinkError};
 pub use hil_run::{HilOptions, HilRun, PERIOD_NS, RunningHil};
 pub use rehearsal::{Rehearsal, RehearsalOptions, RunningRehearsal, pair_names};
 pub use replay::{Difference, Replay, Replayed};
-pub use sink::{Memory, RunDirectory, Signals, Sink, SinkError, SummaryOnly};
+pub use sink::{Memory, RunDirectory, Signals, Sink, SummaryOnly};
 pub use twin::{AnyTwin, TickedTwin, TwinKind};

@@ -16,14 +16,14 @@ use docktwin_scenario::Scenario;
 
 use crate::{
     control::{Coasting, Control, Situation, TimedThrusts},
-    error::RunError,
+    error::{RunError, SinkError},
     event::RunEvent,
     observer::{Asked, Observed, Observer, pair_name, recorded_outcome},
     progress::Progress,
     provenance::digest_keys,
     setup::{start, tick_digest},
     signals::{Instant, columns, contact_rows, row},
-    sink::{Header, Sink, SinkError, TickView},
+    sink::{Header, Sink, TickView},
     twin::{TickedTwin, TwinKind},
 };
 

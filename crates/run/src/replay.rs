@@ -1,5 +1,7 @@
 //! A replay: the recorded control wrenches through the same twin, compared tick by tick.
 
+mod with_rig;
+
 use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Wrench};
@@ -44,17 +46,17 @@ pub struct Replayed {
 
 /// A recorded tick as far as a replay needs it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RecordedTick {
+struct RecordedTick {
     /// Number.
-    pub(crate) tick: u64,
+    tick: u64,
     /// Time, s.
-    pub(crate) time_s: f64,
+    time_s: f64,
     /// Control wrenches.
-    pub(crate) control: Inputs,
+    control: Inputs,
     /// `loop_phase`; 0 where there is none.
-    pub(crate) phase: u64,
+    phase: u64,
     /// Digest of the tick.
-    pub(crate) digest: u64,
+    digest: u64,
 }
 
 /// A recording, opened for a replay.
@@ -83,7 +85,7 @@ impl Replay {
     pub fn run(mut self) -> Result<Replayed, RunError> {
         let mut found = Replayed::default();
         if self.of("command")? == "hil" {
-            crate::hil_run::replay(&mut self, &mut found)?;
+            with_rig::replay(&mut self, &mut found)?;
         } else {
             self.rehearsal(&mut found)?;
         }
@@ -99,17 +101,17 @@ impl Replay {
     }
 
     /// The run directory.
-    pub(crate) fn path(&self) -> &Path {
+    fn path(&self) -> &Path {
         &self.run
     }
 
     /// Whether it has the phase of a loop.
-    pub(crate) const fn has_phase(&self) -> bool {
+    const fn has_phase(&self) -> bool {
         self.columns.phase.is_some()
     }
 
     /// What the recording says of itself.
-    pub(crate) fn metadata(&self) -> &std::collections::BTreeMap<String, String> {
+    fn metadata(&self) -> &std::collections::BTreeMap<String, String> {
         self.reader.metadata()
     }
 
@@ -140,7 +142,7 @@ impl Replay {
     }
 
     /// The next recorded tick.
-    pub(crate) fn next(&mut self) -> Result<Option<RecordedTick>, RunError> {
+    fn next(&mut self) -> Result<Option<RecordedTick>, RunError> {
         let columns = &self.columns;
         Ok(self.reader.next_tick()?.map(|t| RecordedTick {
             tick: t.tick.0,
@@ -196,7 +198,7 @@ impl Replay {
 }
 
 impl RecordedTick {
-    pub(crate) const fn differs(&self, replayed: u64) -> Difference {
+    const fn differs(&self, replayed: u64) -> Difference {
         Difference { tick: self.tick, time_s: self.time_s, recorded: self.digest, replayed }
     }
 }

@@ -12,15 +12,13 @@ use docktwin_scenario::Scenario;
 
 use crate::{
     control::Situation,
+    error::SinkError,
     provenance::{KeptFile, ModelCopies},
 };
 
 mod memory;
 
 pub use memory::{Memory, Signals};
-
-/// Why a sink failed.
-pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
 /// What is about to run.
 #[derive(Clone, Copy, Debug)]

@@ -16,9 +16,9 @@ pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
 pub use keys::{Explained, UnknownKey, explain, explained};
 pub use load::{
     Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
-    Thrust, Trigger, load_scenario, resolve_path, resolve_path_from,
+    Thrust, Trigger, resolve_path, resolve_path_from,
 };
-pub use loader::Loader;
+pub use loader::{Loader, load_scenario};
 
 #[cfg(test)]
 mod tests;

@@ -11,8 +11,7 @@ use docktwin_model::{
 
 use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
 use crate::keys::{Shape, find};
-use crate::loader::{Loader, Patch};
-use crate::overrides;
+use crate::overrides::{self, Patch};
 
 /// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
 const MOST_TICKS: f64 = 1e8;
@@ -195,18 +194,6 @@ pub struct Thrust {
 pub struct ScenarioErrors {
     /// At least one.
     pub problems: Vec<Problem>,
-}
-
-/// Reads a scenario, applies `overrides` (`key.path`, value) to its tree, checks it and loads the
-/// models it names. Model paths are tried from the folder of the scenario upward.
-///
-/// # Errors
-/// All problems of the scenario and of all its models.
-pub fn load_scenario(
-    path: &Path,
-    overrides: &[(String, String)],
-) -> Result<Scenario, ScenarioErrors> {
-    Loader::new().set_texts("--set ", overrides).load(path)
 }
 
 /// Checks the text of a scenario, as `file` has it, with patches, and loads what it names.

@@ -5,15 +5,7 @@ use std::path::{Path, PathBuf};
 use docktwin_model::{FileDigest, Sources, input};
 
 use crate::load::{Scenario, ScenarioErrors, checked};
-
-/// One value of a scenario, to stand in for what the text says.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Patch {
-    /// Dotted path.
-    pub(crate) key: String,
-    /// As TOML; what is not TOML is text.
-    pub(crate) value: String,
-}
+use crate::overrides::Patch;
 
 /// Reads scenarios: from a file or a text, with values patched, and with models from memory as well as
 /// from the disk.
@@ -91,6 +83,18 @@ impl Loader {
         let file = FileDigest::new(&path, text.as_bytes().into());
         checked(text, file, &self.patches, self.label, &self.sources)
     }
+}
+
+/// Reads a scenario, applies `overrides` (`key.path`, value) to its tree, checks it and loads the
+/// models it names. Model paths are tried from the folder of the scenario upward.
+///
+/// # Errors
+/// All problems of the scenario and of all its models.
+pub fn load_scenario(
+    path: &Path,
+    overrides: &[(String, String)],
+) -> Result<Scenario, ScenarioErrors> {
+    Loader::new().set_texts("--set ", overrides).load(path)
 }
 
 impl Scenario {

@@ -11,6 +11,15 @@ const DEEPEST: usize = 8;
 /// Bytes of the longest path of a key.
 const LONGEST: usize = 200;
 
+/// One value of a scenario, to stand in for what the text says.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Patch {
+    /// Dotted path.
+    pub(crate) key: String,
+    /// As TOML; what is not TOML is text.
+    pub(crate) value: String,
+}
+
 /// Puts one value into the document, making tables on the way. A value that is not TOML is taken as
 /// text, so that words need no quotes.
 pub(crate) fn set(document: &mut DocumentMut, path: &str, value: &str) -> Result<(), String> {

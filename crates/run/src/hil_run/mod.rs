@@ -3,7 +3,6 @@
 mod prepare;
 mod realtime;
 mod recorder;
-mod replay;
 mod summary;
 
 use std::time::Instant as WallInstant;
@@ -16,9 +15,9 @@ use docktwin_hil::{
 use docktwin_physics::reduced::Inputs;
 use docktwin_record::Summary;
 
+pub(crate) use self::prepare::kept_name;
 pub use self::prepare::{HilOptions, HilRun};
 use self::recorder::HilRecorder;
-pub(crate) use self::replay::replay;
 use crate::{
     control::{Control, Situation},
     error::RunError,

@@ -107,14 +107,14 @@ impl HilOptions {
 /// # Ok::<(), docktwin_run::RunError>(())
 /// ```
 pub struct HilRun<'a> {
-    pub(super) scenario: &'a Scenario,
-    pub(super) options: HilOptions,
-    pub(super) rig_path: PathBuf,
-    pub(super) rig: RigModel,
-    pub(super) preset: HydraulicPreset,
-    pub(super) system: System,
-    pub(super) bodies: [BodyState; 3],
-    pub(super) setup: LoopSetup,
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) options: HilOptions,
+    pub(crate) rig_path: PathBuf,
+    pub(crate) rig: RigModel,
+    pub(crate) preset: HydraulicPreset,
+    pub(crate) system: System,
+    pub(crate) bodies: [BodyState; 3],
+    pub(crate) setup: LoopSetup,
     known: Known,
 }
 
@@ -251,7 +251,7 @@ impl<'a> HilRun<'a> {
     }
 
     /// Points of the checklist that the loop itself cannot look at.
-    pub(super) fn checks(&self, operator: &mut impl Operator) -> Result<Vec<Check>, RunError> {
+    pub(crate) fn checks(&self, operator: &mut impl Operator) -> Result<Vec<Check>, RunError> {
         let limits = &self.setup.limits;
         let mut out = vec![check(
             "limits",
@@ -353,7 +353,7 @@ impl<'a> HilRun<'a> {
 }
 
 /// Where a run directory keeps the file of `rig identify` or `rig calibrate`.
-pub(super) fn kept_name(what: &str) -> PathBuf {
+pub(crate) fn kept_name(what: &str) -> PathBuf {
     Path::new(RIG_FOLDER).join(format!("{what}.toml"))
 }
 

@@ -16,13 +16,13 @@ use super::{
 };
 use crate::{
     control::{Control as _, Situation, TimedThrusts},
-    error::RunError,
+    error::{RunError, SinkError},
     event::RunEvent,
     fidelity::{FidelityMeter, trace},
     observer::{Asked, Observed, Observer},
     rehearsal::{RowRecorder, pair_names},
     signals::{Instant, contact_rows, row},
-    sink::{Header, Sink, SinkError, TickView},
+    sink::{Header, Sink, TickView},
     telemetry::{Watcher, hil_columns, interface, loop_row},
 };
 

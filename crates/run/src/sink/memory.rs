@@ -9,7 +9,8 @@ use arrow_array::{
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 use docktwin_record::{Cell, ColumnKind, Event, Summary};
 
-use super::{Header, Sink, SinkError, TickView};
+use super::{Header, Sink, TickView};
+use crate::error::SinkError;
 
 /// Rows of one batch: half a megabyte a column at most.
 const BATCH_ROWS: usize = 1 << 16;

@@ -6,11 +6,11 @@ use docktwin_hil::{
 };
 use docktwin_scenario::{CompensatorChoice, load_scenario};
 
-use super::{HilOptions, HilRun, PERIOD_NS, prepare::kept_name};
+use super::{Replay, Replayed};
 use crate::{
     error::RunError,
+    hil_run::{HilOptions, HilRun, PERIOD_NS, kept_name},
     provenance::same_files,
-    replay::{Replay, Replayed},
 };
 
 /// Options with which the recording was made.
@@ -51,7 +51,7 @@ fn damaged(replay: &Replay, what: &str) -> RunError {
 }
 
 /// Replays into `found`.
-pub(crate) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), RunError> {
+pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), RunError> {
     let options = options(replay)?;
     if !replay.has_phase() {
         return Err(damaged(replay, "the recording has no column `loop_phase`"));
