@@ -22,7 +22,7 @@ const UNCHECKED: [&str; 3] = [
 
 /// What a word of the column "never sees" means: dependencies (a name, or a prefix before `*`) and
 /// words of the source.
-const NEVER: [(&str, &[&str], &[&str]); 7] = [
+const NEVER: [(&str, &[&str], &[&str]); 8] = [
     ("rapier", &["rapier*"], &["rapier3d"]),
     ("rerun", &["rerun*", "re_*"], &["rerun::"]),
     ("files", &["tempfile", "memmap*"], &["std::fs", "fs::", "File::", "OpenOptions"]),
@@ -37,6 +37,11 @@ const NEVER: [(&str, &[&str], &[&str]); 7] = [
         "threads",
         &["rayon", "crossbeam*", "tokio"],
         &["std::thread", "thread::", "Mutex", "RwLock", "Condvar", "mpsc"],
+    ),
+    (
+        "printing",
+        &["clap*", "miette", "indicatif", "crossterm"],
+        &["println!", "print!", "eprintln!", "eprint!", "io::stdout", "io::stderr"],
     ),
 ];
 
@@ -309,4 +314,10 @@ fn invariant_a_breach_is_seen() {
     // The sources of the command line read a clock.
     let line = packages().into_iter().find(|p| p.name == "docktwin").expect("the command line");
     assert!(breaches(&line, room).iter().any(|b| b.contains("clocks")));
+    // It prints, by itself and by its dependencies.
+    let row = "| `docktwin-x` | what it does | all | printing |";
+    let found = breaches(&line, &self::rooms(row)["docktwin-x"]);
+    for sign in ["uses clap", "uses indicatif", "`println!`", "`eprint!`"] {
+        assert!(found.iter().any(|b| b.contains(sign)), "{sign} in {found:?}");
+    }
 }
