@@ -555,5 +555,8 @@ mod tests {
         let found = mechanism(&m, &options).expect("it moves");
         let text = serde_json::to_string(&found).expect("JSON");
         assert_eq!(serde_json::from_str::<MechanismBench>(&text).expect("JSON"), found);
+        let text = serde_json::to_string(&options).expect("JSON");
+        assert_eq!(text, r#"{"axes":["x","pitch"]}"#);
+        assert_eq!(serde_json::from_str::<MechanismOptions>(&text).expect("JSON"), options);
     }
 }

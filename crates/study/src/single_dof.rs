@@ -677,5 +677,7 @@ mod tests {
         let found = single_dof(&rig, &m, &options).expect("a regular leg");
         let text = serde_json::to_string(&found).expect("JSON");
         assert_eq!(serde_json::from_str::<SingleDof>(&text).expect("JSON"), found);
+        let text = serde_json::to_string(&options).expect("JSON");
+        assert_eq!(serde_json::from_str::<SingleDofOptions>(&text).expect("JSON"), options);
     }
 }

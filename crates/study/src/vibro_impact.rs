@@ -6,6 +6,29 @@
 //! [`docktwin_hil::vibro`] has one test; here many are run, on the rig and on rigs drawn within the
 //! spread of its file, and put together. How a test reaches a rig is the caller's part
 //! ([`vibro_impact`]); [`on_emulated_rig`] is one way.
+//!
+//! ```
+//! # use std::path::Path;
+//! # use docktwin_model::{load_mechanism, load_rig, load_spacecraft};
+//! use docktwin_control::compensator::Compensation;
+//! use docktwin_study::vibro_impact::{VibroModels, VibroOptions, on_emulated_rig, vibro_impact};
+//!
+//! # let at = |name: &str| Path::new("../../models/urdf").join(name);
+//! let rig = load_rig(&at("stewart.toml"))?.model;
+//! let stick = load_mechanism(&at("stick_active.urdf"), &at("stick_passive.urdf"), None)?.model;
+//! let spacecraft = load_spacecraft(&at("test_2026kg.urdf"))?.model;
+//! let models = VibroModels { rig: &rig, stick: &stick, spacecraft: &spacecraft };
+//!
+//! // Row 6 of Table 4 along X and along Y, nothing done against the delay of the rig.
+//! let options = VibroOptions { cases: vec![6], ..VibroOptions::new(Compensation::None) };
+//! let table = vibro_impact(&models, &options, &mut (), |test, draw| {
+//!     on_emulated_rig(&rig, &options, test, draw)
+//! })?;
+//! // The loop adds energy: the spacecraft part faster than they came.
+//! let along_x = &table.summary.tests[0].contacts[0];
+//! assert!(along_x.r_e > 1.02 && along_x.delta_energy > 0.04);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use core::{fmt, str::FromStr, time::Duration};
 

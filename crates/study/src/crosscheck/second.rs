@@ -326,7 +326,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn invariant_a_process_that_fails_or_babbles_is_no_result() {
+    fn invariant_a_process_that_fails_or_prints_something_else_gives_no_result() {
         let at = tempfile::tempdir().expect("a folder");
         let run = |python: &str| {
             let engine = SecondEngine { python: python.into(), validation: root() };

@@ -293,7 +293,7 @@ mod tests {
     };
 
     #[test]
-    fn oracle_what_has_no_stiffness_has_no_direction_and_the_survivors_are_stable() {
+    fn oracle_no_stiffness_has_no_direction_and_the_shipped_rig_is_stable() {
         let options = StiffnessOptions {
             build: Build { preset: Some(HydraulicPreset::Consistent), seed: Some(1) },
             ..StiffnessOptions::default()
