@@ -15,9 +15,10 @@ use std::{
 };
 
 use docktwin_plot::PlotError;
-use serde_json::Value;
+use docktwin_study::Progress;
+use serde::Serialize;
 
-use crate::{cli::AnalyzeCommand, failure::Failure};
+use crate::{cli::AnalyzeCommand, failure::Failure, observers::progress};
 
 /// Runs the command.
 pub(crate) fn run(command: &AnalyzeCommand, json: bool) -> Result<ExitCode, Failure> {
@@ -82,12 +83,13 @@ impl Results {
     pub(crate) fn finish(
         mut self,
         name: &str,
-        answer: &Value,
+        answer: &impl Serialize,
         words: &str,
         json: bool,
     ) -> Result<ExitCode, Failure> {
-        // A value always serialises.
-        let text = serde_json::to_string_pretty(answer).unwrap_or_default();
+        // A result always serialises.
+        let answer = serde_json::to_value(answer).unwrap_or_default();
+        let text = serde_json::to_string_pretty(&answer).unwrap_or_default();
         self.save(format!("{name}.json"), &text)?;
         if json {
             println!("{answer}");
@@ -97,6 +99,30 @@ impl Results {
             println!("written        {} ({})", self.directory.display(), self.files.join(", "));
         }
         Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// A bar on stderr, a new one for every stage.
+struct Bars {
+    json: bool,
+    bar: Option<indicatif::ProgressBar>,
+}
+
+impl Bars {
+    const fn new(json: bool) -> Self {
+        Self { json, bar: None }
+    }
+}
+
+impl Progress for Bars {
+    fn at(&mut self, done: u64, of: u64) {
+        self.bar.get_or_insert_with(|| progress(of, self.json)).set_position(done);
+    }
+
+    fn done(&mut self) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
     }
 }
 

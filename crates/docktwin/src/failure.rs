@@ -3,14 +3,19 @@
 use std::{io::Write as _, process::ExitCode};
 
 use docktwin::{live::LiveError, pilot::PilotError, playback::PlaybackError};
+use docktwin_control::response::ResponseError;
 use docktwin_model::{
     ModelErrors, Problem,
     input::{plain, shown, shown_path},
 };
+use docktwin_physics::bench::BenchError;
 use docktwin_record::RecordError;
 use docktwin_report::ReportError;
 use docktwin_run::{RunError, SinkError};
 use docktwin_scenario::ScenarioErrors;
+use docktwin_study::{
+    crosscheck::EngineError, mechanism::MechanismError, rig::RigError, single_dof::SingleDofError,
+};
 use docktwin_view::ViewError;
 use miette::Diagnostic;
 
@@ -118,6 +123,56 @@ impl From<SinkError> for Failure {
 impl From<ModelErrors> for Failure {
     fn from(e: ModelErrors) -> Self {
         Self::Input { problems: e.problems }
+    }
+}
+
+impl From<RigError> for Failure {
+    fn from(e: RigError) -> Self {
+        let remedy = match &e {
+            RigError::Singular => {
+                "`docktwin model check FILE` says where; make the workspace smaller or the \
+                 platform larger"
+            }
+            RigError::Response { source: ResponseError::Rig(_), .. } => {
+                "the loop is unstable there: `docktwin analyze stiffness` tells its poles; lower \
+                 the gains with --set, or give a smaller --amplitude-mm"
+            }
+            RigError::Response { .. } => "mend the rig file, or the settings given with --set",
+            RigError::Options { .. } => e.remedy(),
+        };
+        Self::Usage { what: e.to_string(), remedy: remedy.to_owned() }
+    }
+}
+
+impl From<MechanismError> for Failure {
+    fn from(e: MechanismError) -> Self {
+        let remedy = match e {
+            MechanismError::Bench(BenchError::Rigid) => {
+                "choose one that the file describes with --attenuation characteristic or \
+                 --attenuation differential, or give a mechanism that has one"
+            }
+            _ => e.remedy(),
+        };
+        Self::Usage { what: e.to_string(), remedy: remedy.to_owned() }
+    }
+}
+
+impl From<SingleDofError> for Failure {
+    fn from(e: SingleDofError) -> Self {
+        Self::Usage { what: e.to_string(), remedy: e.remedy().to_owned() }
+    }
+}
+
+impl From<EngineError> for Failure {
+    fn from(e: EngineError) -> Self {
+        let remedy = match &e {
+            EngineError::NoValidation => "name it: --validation DIR".to_owned(),
+            EngineError::NoPython { .. } | EngineError::Incomplete { .. } => {
+                format!("{}: --python PATH, or DOCKTWIN_PYTHON in the environment", e.remedy())
+            }
+            _ => e.remedy(),
+        };
+        Self::Usage { what: e.to_string(), remedy }
     }
 }
 

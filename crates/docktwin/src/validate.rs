@@ -17,11 +17,9 @@ use clap::{Args, Subcommand};
 use docktwin_record::{RecordError, files, read_table};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
 use docktwin_scenario::load_scenario;
+use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare};
 
-use self::{
-    comparison::{Comparison, Side},
-    second::Second,
-};
+use self::comparison::Answer;
 use crate::{
     cli::Align,
     commands::{new_directory, overrides},
@@ -42,6 +40,9 @@ pub(crate) enum ValidateCommand {
     #[command(after_help = vibro::EXAMPLES)]
     VibroImpact(vibro::VibroArgs),
 }
+
+/// Names the Python with MuJoCo.
+const PYTHON: &str = "DOCKTWIN_PYTHON";
 
 const CROSSCHECK: &str = "\
 MuJoCo integrates, and geometry and contact law are written a second time in Python, from the model
@@ -109,7 +110,9 @@ pub(crate) fn run(command: &ValidateCommand, json: bool) -> Result<ExitCode, Fai
 fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
     // Before the work of a rehearsal: there may be no second engine.
-    let second = Second::find(&args.scenario, args.validation.as_deref(), args.python.as_deref())?;
+    let named = std::env::var_os(PYTHON).filter(|v| !v.is_empty()).map(PathBuf::from);
+    let python = args.python.clone().or(named);
+    let second = SecondEngine::find(&args.scenario, args.validation.as_deref(), python.as_deref())?;
     let out = args
         .out
         .clone()
@@ -130,7 +133,13 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         eprintln!("docktwin: {}; now MuJoCo", summary.outcome);
     }
     let tables = out.join("mujoco-tables");
-    let result = second.run(&ours, &tables, args.step_ms)?;
+    let cache = std::env::var_os("NUMBA_CACHE_DIR").is_none().then(|| second.default_cache());
+    let result = second.run(&EngineRun {
+        run: &ours,
+        tables: &tables,
+        step_ms: args.step_ms,
+        cache: cache.as_deref(),
+    })?;
     let their_summary = second::record(&scenario, &result, &tables, &theirs)?;
     // All of it is in the run directory now.
     let _ = std::fs::remove_dir_all(&tables);
@@ -139,7 +148,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         Side::new(&read_table(ours.join(files::TABLE))?, summary)?,
         Side::new(&read_table(theirs.join(files::TABLE))?, their_summary)?,
     ];
-    let found = Comparison::new(&scenario.name, &result.engine, result.step_s, &sides);
+    let found = compare(&scenario.name, &result, &sides);
     let mut names = Vec::new();
     for (name, svg) in plots::all(&found, &sides).map_err(|e| Failure::Usage {
         what: format!("a plot could not be drawn: {e}"),
@@ -148,18 +157,19 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         save(&out.join(&name), &svg)?;
         names.push(name);
     }
-    let align = if found.aligned { Align::FirstContact } else { Align::Start };
+    let align = if found.summary.aligned { Align::FirstContact } else { Align::Start };
     view::save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
     names.extend(["crosscheck.rrd".to_owned(), "comparison.json".to_owned()]);
-    let text = serde_json::to_string_pretty(&found).unwrap_or_default();
+    let answer = Answer::new(&found);
+    let text = serde_json::to_string_pretty(&answer).unwrap_or_default();
     save(&out.join("comparison.json"), &(text + "\n"))?;
     if json {
-        println!("{}", serde_json::to_value(&found).unwrap_or_default());
+        println!("{}", serde_json::to_value(&answer).unwrap_or_default());
     } else {
-        found.lines().iter().for_each(|l| println!("{l}"));
+        answer.lines().iter().for_each(|l| println!("{l}"));
         println!("written to {}: docktwin, mujoco, {}", out.display(), names.join(", "));
     }
-    Ok(ExitCode::from(if found.within { 0 } else { OTHERWISE }))
+    Ok(ExitCode::from(if found.summary.within { 0 } else { OTHERWISE }))
 }
 
 fn save(path: &Path, text: &str) -> Result<(), Failure> {

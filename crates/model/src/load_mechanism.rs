@@ -2,6 +2,7 @@ use core::f64::consts::PI;
 use std::path::Path;
 
 use docktwin_core::{DMat3, DQuat, DVec3, Pose};
+use serde::{Deserialize, Serialize};
 
 use crate::Sources;
 use crate::load_spacecraft::check_header;
@@ -15,7 +16,8 @@ use crate::{
 };
 
 /// Which attenuator carries the active ring.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum AttenuationChoice {
     /// Six tables, one per axis.
     Characteristic,

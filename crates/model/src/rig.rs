@@ -2,6 +2,7 @@ use core::f64::consts::TAU;
 use core::fmt;
 
 use docktwin_core::{DMat3, DVec3, Digest, Euler, Pose};
+use serde::{Deserialize, Serialize};
 
 /// The motion simulator: a Stewart platform whose plate carries the passive mechanism, and a fixed
 /// rack that carries the active one.
@@ -181,7 +182,7 @@ impl Rig {
 }
 
 /// The box of relative poses `X_34` that docking needs, about its middle.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DockingWorkspace {
     /// `p_34` in the middle, in `e3`, m; the attitude of the middle is `R_34 = I`.
     pub middle_m: DVec3,
@@ -224,7 +225,7 @@ impl DockingWorkspace {
 }
 
 /// A place in the docking workspace: X, Y, Z, roll, pitch, yaw, each from −1 to 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Place(pub [f64; 6]);
 
 impl fmt::Display for Place {
@@ -297,7 +298,8 @@ pub struct OilVolume {
 }
 
 /// Names of the three choices of volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum HydraulicPreset {
     /// Table 1 as printed.
     Printed,

@@ -17,6 +17,7 @@ use core::f64::consts::PI;
 
 use docktwin_core::{DQuat, DVec3, Pose, Twist, Wrench};
 use docktwin_model::{Attenuator, ContactLaw, DockingMechanism};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     attenuator::{
@@ -32,7 +33,8 @@ pub type Six = [f64; 6];
 pub type Matrix6 = [Six; 6];
 
 /// An axis of the ring in `e3`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Along the docking axis; compression is negative.
     X,
@@ -79,7 +81,8 @@ impl Axis {
 }
 
 /// How the driven axis moves between its ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Wave {
     /// At constant speed.
     Triangle,
@@ -88,7 +91,8 @@ pub enum Wave {
 }
 
 /// What the bench does with the other five axes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Others {
     /// Held at the offset.
     Held,
@@ -97,7 +101,7 @@ pub enum Others {
 }
 
 /// One test: cycles 0 → `ends[0]` → `ends[1]` → 0 on one axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cycling {
     /// The driven axis.
     pub axis: Axis,
@@ -118,7 +122,7 @@ pub struct Cycling {
 }
 
 /// One instant of a test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Time from the start of the cycles, s.
     pub time_s: f64,
@@ -139,7 +143,7 @@ pub struct Sample {
 }
 
 /// A test's record.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// What was done.
     pub test: Cycling,

@@ -1,157 +1,26 @@
-//! The second engine as a process, and its tables as a run directory.
+//! The tables of the second engine as a run directory.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    path::{Path, PathBuf},
-    process::{Command, Stdio},
+    path::Path,
 };
 
 use docktwin_core::{DVec3, SimTime, Tick};
 use docktwin_physics::contact::{PAIRS, SurfacePair};
 use docktwin_record::{
-    Cell, Column, ColumnKind, ContactRow, Event, Outcome, Policy, RecordError, RunWriter,
-    SUMMARY_SCHEMA, StepUs, Summary, Verdict, files, read_table,
+    Cell, Column, ColumnKind, ContactRow, Event, Policy, RecordError, RunWriter, Summary, files,
+    read_table,
 };
 use docktwin_run::{
     observer::CONTACT_GAP_S,
     provenance::{ModelCopies, digest_keys},
     signals::columns,
 };
-use docktwin_scenario::{ExpectedOutcome, Measured, Scenario};
-use serde::Deserialize;
+use docktwin_scenario::Scenario;
+use docktwin_study::crosscheck::{EngineResult, engine_summary};
 use serde_json::json;
 
 use crate::failure::Failure;
-
-/// Names the Python with MuJoCo.
-const PYTHON: &str = "DOCKTWIN_PYTHON";
-/// What shows that a directory is our `validation`.
-const ENTRY: &str = "mujoco/docktwin_mujoco/__main__.py";
-
-/// What the second engine says of its run.
-#[derive(Debug, Deserialize)]
-pub(super) struct Told {
-    /// Name and version.
-    pub(super) engine: String,
-    /// Step, s.
-    pub(super) step_s: f64,
-    integrator: String,
-    outcome: Outcome,
-    reason: String,
-    decided_s: f64,
-    end_s: f64,
-    first_contact_s: Option<f64>,
-    capture_s: Option<f64>,
-    latches_s: Vec<Option<f64>>,
-    peak_force_n: f64,
-    peak_moment_nm: f64,
-    peak_penetration_m: f64,
-    impulse_ns: f64,
-    ticks: u64,
-    wall_s: f64,
-}
-
-/// Where the second engine is.
-pub(super) struct Second {
-    python: PathBuf,
-    validation: PathBuf,
-}
-
-impl Second {
-    /// Finds the Python side and an interpreter that has what it needs.
-    pub(super) fn find(
-        scenario: &Path,
-        validation: Option<&Path>,
-        python: Option<&Path>,
-    ) -> Result<Self, Failure> {
-        let validation = match validation {
-            Some(dir) if dir.join(ENTRY).is_file() => dir.to_owned(),
-            Some(dir) => {
-                return Err(Failure::Usage {
-                    what: format!("not docktwin's validation directory: {}", dir.display()),
-                    remedy: format!("give the one that holds {ENTRY}"),
-                });
-            }
-            None => {
-                near(scenario).or_else(|| near(Path::new("."))).ok_or_else(|| Failure::Usage {
-                    what: "docktwin's directory `validation` is neither above the scenario nor \
-                           above here"
-                        .to_owned(),
-                    remedy: "name it: --validation DIR".to_owned(),
-                })?
-            }
-        };
-        let validation = std::path::absolute(&validation).unwrap_or(validation);
-        let root = validation.parent().unwrap_or(Path::new("")).to_owned();
-        let kept = root.join("target/venv-validation/bin/python");
-        let named = python
-            .map(Path::to_owned)
-            .or_else(|| std::env::var_os(PYTHON).filter(|v| !v.is_empty()).map(PathBuf::from));
-        let install = format!(
-            "install it:\n  python3 -m venv {venv}\n  {venv}/bin/pip install -r {requirements}\n\
-             or name a Python that has it: --python PATH, or {PYTHON} in the environment",
-            venv = root.join("target/venv-validation").display(),
-            requirements = validation.join("requirements.txt").display(),
-        );
-        let Some(python) = named.or_else(|| kept.is_file().then_some(kept)) else {
-            return Err(Failure::Usage {
-                what: "there is no Python with MuJoCo here".to_owned(),
-                remedy: install,
-            });
-        };
-        let asked = Command::new(&python)
-            .args(["-c", "import mujoco, numba, pyarrow"])
-            .stdin(Stdio::null())
-            .output();
-        let why = match asked {
-            Ok(o) if o.status.success() => return Ok(Self { python, validation }),
-            Ok(o) => {
-                let said = String::from_utf8_lossy(&o.stderr).trim().to_owned();
-                said.lines().last().unwrap_or("it failed without a word").to_owned()
-            }
-            Err(e) => e.to_string(),
-        };
-        Err(Failure::Usage {
-            what: format!("this Python has no MuJoCo for docktwin ({why}): {}", python.display()),
-            remedy: install,
-        })
-    }
-
-    /// Runs a recorded run once more. Its tables go to `tables`.
-    pub(super) fn run(&self, run: &Path, tables: &Path, step_ms: f64) -> Result<Told, Failure> {
-        let failed = |what: String| Failure::Usage {
-            what,
-            remedy: "docktwin's own run is written; what the second engine can run is in \
-                     validation/README.md"
-                .to_owned(),
-        };
-        let mut c = Command::new(&self.python);
-        c.args(["-m", "docktwin_mujoco"]).arg(run).arg(tables);
-        c.args(["--step-ms", &step_ms.to_string()]);
-        c.env("PYTHONPATH", self.validation.join("mujoco")).env("OMP_NUM_THREADS", "1");
-        if std::env::var_os("NUMBA_CACHE_DIR").is_none() {
-            // Compiled code is kept beside other things that are built.
-            let root = self.validation.parent().unwrap_or(&self.validation);
-            c.env("NUMBA_CACHE_DIR", root.join("target/numba"));
-        }
-        let o = c
-            .stdin(Stdio::null())
-            .output()
-            .map_err(|e| failed(format!("cannot start {}: {e}", self.python.display())))?;
-        if !o.status.success() {
-            let said = String::from_utf8_lossy(&o.stderr).trim().to_owned();
-            return Err(failed(format!("MuJoCo's side did not run ({}): {said}", o.status)));
-        }
-        serde_json::from_slice(&o.stdout)
-            .map_err(|e| failed(format!("MuJoCo's side gave no result that can be read: {e}")))
-    }
-}
-
-/// The directory `validation` at or above a path.
-fn near(path: &Path) -> Option<PathBuf> {
-    let path = std::path::absolute(path).ok()?;
-    path.ancestors().map(|d| d.join("validation")).find(|d| d.join(ENTRY).is_file())
-}
 
 type Table = BTreeMap<String, Vec<f64>>;
 
@@ -159,7 +28,7 @@ type Table = BTreeMap<String, Vec<f64>>;
 /// contact, events, and a summary whose energies are not numbers.
 pub(super) fn record(
     scenario: &Scenario,
-    told: &Told,
+    told: &EngineResult,
     tables: &Path,
     out: &Path,
 ) -> Result<Summary, Failure> {
@@ -223,7 +92,7 @@ pub(super) fn record(
         format!("{}: {}", told.outcome, told.reason),
         json!({ "outcome": told.outcome, "decided_s": told.decided_s }),
     ))?;
-    let mut summary = summary(scenario, told);
+    let mut summary = engine_summary(scenario, told);
     summary.recording = Some(writer.finish(&summary)?);
     Ok(summary)
 }
@@ -337,60 +206,10 @@ impl Events {
     }
 }
 
-fn summary(scenario: &Scenario, told: &Told) -> Summary {
-    let outcome = match told.outcome {
-        Outcome::Captured => ExpectedOutcome::Captured,
-        Outcome::Rebounded => ExpectedOutcome::Rebounded,
-        Outcome::Missed => ExpectedOutcome::Missed,
-        Outcome::Jammed => ExpectedOutcome::Jammed,
-        Outcome::LimitExceeded | Outcome::Stopped => ExpectedOutcome::LimitExceeded,
-    };
-    let failures = scenario.expect.failures(&Measured {
-        outcome,
-        first_contact_s: told.first_contact_s,
-        capture_s: told.capture_s,
-        peak_force_n: told.peak_force_n,
-        peak_moment_nm: told.peak_moment_nm,
-        peak_penetration_m: told.peak_penetration_m,
-        impulse_ns: told.impulse_ns,
-        exit_speed_m_s: None,
-    });
-    Summary {
-        schema_version: SUMMARY_SCHEMA,
-        tool_version: env!("CARGO_PKG_VERSION").to_owned(),
-        scenario: scenario.name.clone(),
-        seed: 0,
-        state_digest: String::new(),
-        outcome: told.outcome,
-        verdict: if failures.is_empty() { Verdict::Pass } else { Verdict::Fail },
-        failure_reason: (!failures.is_empty()).then(|| failures.join("; ")),
-        first_contact_s: told.first_contact_s,
-        capture_s: told.capture_s,
-        latches_s: told.latches_s.clone(),
-        peak_force_n: told.peak_force_n,
-        peak_moment_nm: told.peak_moment_nm,
-        impulse_ns: told.impulse_ns,
-        peak_penetration_m: told.peak_penetration_m,
-        energy_in_j: f64::NAN,
-        energy_dissipated_j: f64::NAN,
-        energy_balance_error: f64::NAN,
-        momentum_error: f64::NAN,
-        duration_s: told.end_s,
-        ticks: told.ticks,
-        wall_s: told.wall_s,
-        realtime_factor: told.end_s / told.wall_s.max(1e-9),
-        step_us: StepUs::default(),
-        loop_: None,
-        fidelity: None,
-        safety: None,
-        recording: None,
-    }
-}
-
 #[cfg(test)]
 #[expect(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 mod tests {
-    use docktwin_record::RunReader;
+    use docktwin_record::{Outcome, RunReader, Verdict};
     use docktwin_scenario::load_scenario;
 
     use super::*;
@@ -408,7 +227,7 @@ mod tests {
         std::fs::rename(dir.join(files::TABLE), at.join(name)).unwrap();
     }
 
-    fn told() -> Told {
+    fn told() -> EngineResult {
         serde_json::from_value(json!({
             "engine": "MuJoCo 4.0.0", "integrator": "RK4", "step_s": 2e-4, "outcome": "jammed",
             "reason": "1 of 3", "decided_s": 0.09, "end_s": 0.09, "first_contact_s": 0.003,

@@ -1,22 +1,23 @@
 //! Plots of `analyze mechanism`.
 
-use docktwin_physics::bench::{Axis, Others, Record};
+use docktwin_physics::bench::{Axis, Record};
 use docktwin_plot::{Axis as PlotAxis, Colour, Dash, Embed, Line, Marker, Plot, PlotError};
 
-use super::{AxisResult, Results, docking_speed};
+use docktwin_study::mechanism::{AxisRecords, AxisSummary, ContactLoop, MechanismBench};
+
+use super::{attenuation_word, others_word};
 use crate::analyze::plots::sheet;
 
+type Curve = Vec<[f64; 2]>;
+
 /// Every plot, with its file name.
-pub(super) fn all(
-    r: &Results,
-    contact: &[(f64, Vec<[f64; 2]>)],
-) -> Result<Vec<(String, String)>, PlotError> {
+pub(super) fn all(r: &MechanismBench) -> Result<Vec<(String, String)>, PlotError> {
     let mut out = Vec::new();
-    for a in &r.axes {
-        out.push((format!("loop_{}.svg", a.main.figures.axis.name()), axis(r, a)?));
+    for (a, records) in r.summary.axes.iter().zip(&r.records) {
+        out.push((format!("loop_{}.svg", a.axis.name()), axis(r, a, records)?));
     }
     out.push(("coupling.svg".to_owned(), coupling(r)?));
-    out.push(("contact.svg".to_owned(), contact_plot(contact)?));
+    out.push(("contact.svg".to_owned(), contact_plot(&r.contact_loops)?));
     Ok(out)
 }
 
@@ -38,9 +39,9 @@ fn y_axis(axis: Axis) -> PlotAxis {
 }
 
 /// Deflection and reaction of the driven axis in one cycle; a cycle after the first is closed.
-fn points(r: &Record, cycle: u32) -> Vec<[f64; 2]> {
+fn points(r: &Record, cycle: u32) -> Curve {
     let k = r.test.axis.index();
-    let mut out: Vec<[f64; 2]> = r
+    let mut out: Curve = r
         .samples
         .iter()
         .filter(|s| s.cycle == cycle)
@@ -52,34 +53,30 @@ fn points(r: &Record, cycle: u32) -> Vec<[f64; 2]> {
     out
 }
 
-fn axis(r: &Results, a: &AxisResult) -> Result<String, PlotError> {
-    let f = &a.main.figures;
-    let axis = f.axis;
-    let [soft, working] = [points(&a.main.soft, 1), points(&a.main.working, 1)];
-    // From rest to the first turn.
-    let turn = a.main.working.test.ends[0];
-    let mut first = points(&a.main.working, 0);
-    let end = first.iter().position(|p| (p[0] / shown(axis) / turn) > 0.999).unwrap_or(0);
+/// From rest to the first turn.
+fn first_loading(working: &Record) -> Curve {
+    let turn = working.test.ends[0];
+    let mut first = points(working, 0);
+    let turned = |p: &[f64; 2]| p[0] / shown(working.test.axis) / turn > 0.999;
+    let end = first.iter().position(turned).unwrap_or(0);
     first.truncate(end + 1);
-    let stops = points(&a.main.stops, 0);
-    let (figure, what) = match axis {
-        Axis::X => ("Fig. 6", "Force and displacement in X"),
-        Axis::Y => ("Fig. 7", "Force and displacement in Y"),
-        Axis::Z => ("Fig. 7", "Force and displacement in Z"),
-        Axis::Roll => ("Fig. 9", "Torque and angle in roll"),
-        Axis::Pitch => ("Fig. 8", "Torque and angle in pitch"),
-        Axis::Yaw => ("Fig. 8", "Torque and angle in yaw"),
-    };
-    let others = if f.others == Others::Held { "held" } else { "free" };
-    let held = a.held.as_ref().map(|h| points(&h.working, 1)).filter(|h| {
+    first
+}
+
+fn axis(r: &MechanismBench, a: &AxisSummary, records: &AxisRecords) -> Result<String, PlotError> {
+    let main = &records.as_in_a_docking;
+    let [soft, working] = [points(&main.soft, 1), points(&main.working, 1)];
+    let first = first_loading(&main.working);
+    let stops = points(&main.stops, 0);
+    let held = records.others_held.as_ref().map(|h| points(&h.working, 1)).filter(|h| {
         // Where axes are independent it is the same loop.
         let peak = |p: &[[f64; 2]]| p.iter().map(|q| q[1].abs()).fold(0.0, f64::max);
         (peak(h) / peak(&working) - 1.0).abs() > 0.02
     });
-    let title = format!("{what} (as {figure}): {}, {}", r.name, r.attenuation);
-    let mut top = Plot::new(title)
-        .x_axis(x_axis(axis))
-        .y_axis(y_axis(axis))
+    let others = others_word(a.as_in_a_docking.other_axes);
+    let mut top = Plot::new(title(r, a.axis))
+        .x_axis(x_axis(a.axis))
+        .y_axis(y_axis(a.axis))
         .size(760.0, 250.0)
         .line(
             Line::new(format!("first loading, other axes {others}"), &first)
@@ -99,39 +96,55 @@ fn axis(r: &Results, a: &AxisResult) -> Result<String, PlotError> {
                 .dash(Dash::Dashed),
         );
     }
-    if let Some(u) = a.unstable {
+    if let Some(u) = &a.unstable_from {
         top = top.marker(Marker::new(
-            u.at * shown(axis),
-            format!("{} gives way beyond, unless held", u.weakest.name()),
+            u.at * shown(a.axis),
+            format!("{} gives way beyond, unless held", u.weakest_axis.name()),
         ));
     }
     let mut left = Plot::new("Into the end stops, slowly")
-        .x_axis(x_axis(axis))
-        .y_axis(y_axis(axis))
+        .x_axis(x_axis(a.axis))
+        .y_axis(y_axis(a.axis))
         .size(375.0, 210.0)
         .line(Line::new("", &stops).colour(Colour::Blue).width(1.5));
-    for t in f.travel.iter().flatten() {
-        left = left.marker(Marker::new(t * shown(axis), "end of travel"));
+    for t in a.as_in_a_docking.travel.iter().flatten() {
+        left = left.marker(Marker::new(t * shown(a.axis), "end of travel"));
     }
-    let fast = [points(&a.fast[0], 1), points(&a.fast[1], 1)];
-    let speed = if axis.turns() {
-        format!("{:.1} deg/s", docking_speed(axis).to_degrees())
-    } else {
-        format!("{:.2} m/s", docking_speed(axis))
+    let fast = records.docking_speed.each_ref().map(|r| points(r, 1));
+    sheet(&[&[top], &[left, fast_plot(a, &fast)]])
+}
+
+fn title(r: &MechanismBench, axis: Axis) -> String {
+    let (figure, what) = match axis {
+        Axis::X => ("Fig. 6", "Force and displacement in X"),
+        Axis::Y => ("Fig. 7", "Force and displacement in Y"),
+        Axis::Z => ("Fig. 7", "Force and displacement in Z"),
+        Axis::Roll => ("Fig. 9", "Torque and angle in roll"),
+        Axis::Pitch => ("Fig. 8", "Torque and angle in pitch"),
+        Axis::Yaw => ("Fig. 8", "Torque and angle in yaw"),
     };
-    let right = Plot::new(format!("Sine, up to {speed}"))
-        .x_axis(x_axis(axis))
-        .y_axis(y_axis(axis))
+    format!("{what} (as {figure}): {}, {}", r.summary.mechanism, attenuation_word(&r.summary))
+}
+
+/// The sine at the speed of a docking, before and after capture.
+fn fast_plot<'a>(a: &AxisSummary, fast: &'a [Curve; 2]) -> Plot<'a> {
+    let speed = a.lost_per_cycle_at_docking_speed_j.speed;
+    let speed = if a.axis.turns() {
+        format!("{:.1} deg/s", speed.to_degrees())
+    } else {
+        format!("{speed:.2} m/s")
+    };
+    Plot::new(format!("Sine, up to {speed}"))
+        .x_axis(x_axis(a.axis))
+        .y_axis(y_axis(a.axis))
         .size(375.0, 210.0)
         .line(Line::new("after capture", &fast[1]).colour(Colour::Green).width(1.5))
-        .line(Line::new("before capture", &fast[0]).colour(Colour::Amber).width(1.5));
-    sheet(&[&[top], &[left, right]])
+        .line(Line::new("before capture", &fast[0]).colour(Colour::Amber).width(1.5))
 }
 
 /// What one axis does to another: the axial force while the ring is moved sideways and turned.
-fn coupling(r: &Results) -> Result<String, PlotError> {
-    let moved: Vec<&AxisResult> = r.axes.iter().filter(|a| a.held.is_some()).collect();
-    let share = |rec: &Record, i: usize, scale: f64, from_reaction: bool| -> Vec<[f64; 2]> {
+fn coupling(r: &MechanismBench) -> Result<String, PlotError> {
+    let share = |rec: &Record, i: usize, scale: f64, from_reaction: bool| -> Curve {
         let k = rec.test.axis.index();
         let end = rec.test.ends[0].abs();
         rec.samples
@@ -143,19 +156,16 @@ fn coupling(r: &Results) -> Result<String, PlotError> {
             })
             .collect()
     };
-    let held: Vec<(Axis, Vec<[f64; 2]>)> = moved
-        .iter()
-        .filter_map(|a| a.held.as_ref())
-        .map(|h| (h.figures.axis, share(&h.working, 0, 1.0, true)))
-        .collect();
-    let free: Vec<(Axis, Vec<[f64; 2]>)> = moved
-        .iter()
-        .map(|a| (a.main.figures.axis, share(&a.main.working, 0, 1e3, false)))
-        .collect();
-    let mut left = Plot::new(format!("Other axes held: force in X ({})", r.attenuation))
-        .x_axis(PlotAxis::new("of the travel of the axis", "%"))
-        .y_axis(PlotAxis::new("force in X", "N").at_least(10.0))
-        .size(375.0, 230.0);
+    let moved = || r.records.iter().filter_map(|a| Some((a, a.others_held.as_ref()?)));
+    let held: Vec<(Axis, Curve)> =
+        moved().map(|(a, h)| (a.axis, share(&h.working, 0, 1.0, true))).collect();
+    let free: Vec<(Axis, Curve)> =
+        moved().map(|(a, _)| (a.axis, share(&a.as_in_a_docking.working, 0, 1e3, false))).collect();
+    let mut left =
+        Plot::new(format!("Other axes held: force in X ({})", attenuation_word(&r.summary)))
+            .x_axis(PlotAxis::new("of the travel of the axis", "%"))
+            .y_axis(PlotAxis::new("force in X", "N").at_least(10.0))
+            .size(375.0, 230.0);
     let mut right = Plot::new("Other axes free: the ring moves in X")
         .x_axis(PlotAxis::new("of the travel of the axis", "%"))
         .y_axis(PlotAxis::new("displacement in X", "mm").at_least(1.0))
@@ -169,9 +179,14 @@ fn coupling(r: &Results) -> Result<String, PlotError> {
     sheet(&[&[left, right]])
 }
 
-fn contact_plot(loops: &[(f64, Vec<[f64; 2]>)]) -> Result<String, PlotError> {
-    let millimetres: Vec<(f64, Vec<[f64; 2]>)> =
-        loops.iter().map(|(v, p)| (*v, p.iter().map(|q| [q[0] * 1e3, q[1]]).collect())).collect();
+fn contact_plot(loops: &[ContactLoop]) -> Result<String, PlotError> {
+    let millimetres: Vec<(f64, Curve)> = loops
+        .iter()
+        .map(|l| {
+            let points = l.points.iter().map(|p| [p.depth_m * 1e3, p.force_n]);
+            (l.speed_at_touch_m_s, points.collect())
+        })
+        .collect();
     let mut plot = Plot::new("Contact law: pressed in and let go (sine)")
         .x_axis(PlotAxis::new("depth", "mm"))
         .y_axis(PlotAxis::new("normal force", "N"))

@@ -1,9 +1,16 @@
 //! Fig. 23 to 26, and the joined spring in time.
 
-use docktwin_control::single_dof::Sample;
+use docktwin_control::single_dof::transfer::Complex as C;
 use docktwin_plot::{Axis, Colour, Dash, Line, Plot, PlotError, Points};
+use docktwin_study::{
+    Complex,
+    single_dof::{
+        InterfaceKind, InterfaceResponse, LoopPoint, PAPER_HZ, Simulations, SingleDof,
+        SingleDofTick,
+    },
+};
 
-use super::{Bode, C, Found, Kind, PAPER_HZ, Runs, db};
+use super::title;
 use crate::analyze::plots::sheet;
 
 type Curve = Vec<[f64; 2]>;
@@ -14,18 +21,18 @@ const PAPER_DEG: f64 = 70.0;
 /// Axes of all panels begin in line.
 const LEFT: f64 = 68.0;
 
-const fn colour(kind: Kind) -> Colour {
+const fn colour(kind: InterfaceKind) -> Colour {
     match kind {
-        Kind::One => Colour::Blue,
-        Kind::Plain => Colour::Vermilion,
-        Kind::Compensated => Colour::Green,
+        InterfaceKind::One => Colour::Blue,
+        InterfaceKind::Uncompensated => Colour::Vermilion,
+        InterfaceKind::Compensated => Colour::Green,
     }
 }
 
 /// Every plot with its file name.
-pub(super) fn all(f: &Found) -> Result<Vec<(String, String)>, PlotError> {
-    let title = format!("{} at {} m/s", f.mechanism, f.docking.docking.closing_speed_m_s);
-    let spring = f.spring.docking.closing_speed_m_s;
+pub(super) fn all(f: &SingleDof) -> Result<Vec<(String, String)>, PlotError> {
+    let title = format!("{} at {} m/s", f.summary.mechanism, f.docking.closing_speed_m_s);
+    let spring = f.joined_spring.closing_speed_m_s;
     Ok(vec![
         ("fig23_interface.svg".to_owned(), interface(f)?),
         ("fig24_loop.svg".to_owned(), closed_loop(f)?),
@@ -40,7 +47,7 @@ pub(super) fn all(f: &Found) -> Result<Vec<(String, String)>, PlotError> {
         (
             "spring.svg".to_owned(),
             in_time(
-                &f.spring,
+                &f.joined_spring,
                 &DISPLACEMENT,
                 &format!("Joined spring of 1e6 N/m without damping, {spring:.3} m/s"),
             )?,
@@ -57,22 +64,23 @@ fn frequency<'a>(title: &str, y: Axis, height: f64) -> Plot<'a> {
 }
 
 /// Fig. 23: `G_I`, linear as lines, measured as points.
-fn interface(f: &Found) -> Result<String, PlotError> {
-    type Part = fn(C) -> f64;
-    let parts: [Part; 2] = [db, |g| g.arg().to_degrees()];
-    let curves = |b: &Bode| {
+fn interface(f: &SingleDof) -> Result<String, PlotError> {
+    type Part = fn(Complex) -> f64;
+    let parts: [Part; 2] = [Complex::db, Complex::phase_deg];
+    let curves = |of: &InterfaceResponse| {
         parts.map(|p| {
-            [&b.linear, &b.measured]
-                .map(|c| -> Curve { c.iter().map(|(hz, g)| [*hz, p(*g)]).collect() })
+            [&of.linear, &of.measured]
+                .map(|c| -> Curve { c.iter().map(|g| [g.hz, p(g.value)]).collect() })
         })
     };
-    let shown: Vec<(&Bode, [[Curve; 2]; 2])> = f.bodes.iter().map(|b| (b, curves(b))).collect();
+    let shown: Vec<(&InterfaceResponse, [[Curve; 2]; 2])> =
+        f.interfaces.iter().map(|of| (of, curves(of))).collect();
     let at = [PAPER_HZ * 0.93, PAPER_HZ * 1.07];
     let limits: [Vec<Curve>; 2] = [
         [PAPER_DB, -PAPER_DB].map(|y| at.map(|x| [x, y]).to_vec()).to_vec(),
         vec![at.map(|x| [x, -PAPER_DEG]).to_vec()],
     ];
-    let title = format!("Interface G_I (as Fig. 23): one leg, 2500 kg, {}", f.preset);
+    let title = format!("Interface G_I (as Fig. 23): one leg, 2500 kg, {}", preset(f));
     let axes = [
         Axis::new("gain |G_I|", "dB").include(-2.5).include(2.5),
         Axis::new("phase", "deg").include(-80.0).include(20.0),
@@ -88,12 +96,12 @@ fn interface(f: &Found) -> Result<String, PlotError> {
             let [linear, measured] = &curves[k];
             p = p
                 .line(
-                    Line::new(name(format!("{}, {against}", b.kind.word())), linear)
-                        .colour(colour(b.kind))
+                    Line::new(name(format!("{}, {against}", b.interface.name())), linear)
+                        .colour(colour(b.interface))
                         .dash(dash)
                         .width(1.8),
                 )
-                .points(Points::new("", measured).colour(colour(b.kind)).radius(2.8));
+                .points(Points::new("", measured).colour(colour(b.interface)).radius(2.8));
         }
         if k == 0 {
             p = p.legend("lines: linear; points: measured", Colour::Grey);
@@ -107,11 +115,15 @@ fn interface(f: &Found) -> Result<String, PlotError> {
     rows(&panels)
 }
 
+fn preset(f: &SingleDof) -> &'static str {
+    f.summary.preset.word()
+}
+
 /// Phase without jumps, from the lowest frequency on, degrees.
-fn unwrapped(g: impl Iterator<Item = (f64, C)>) -> Curve {
+fn unwrapped(g: impl Iterator<Item = (f64, Complex)>) -> Curve {
     let mut out: Curve = Vec::new();
     for (hz, g) in g {
-        let deg = g.arg().to_degrees();
+        let deg = g.phase_deg();
         let before = out.last().map_or(0.0, |p| p[1]);
         out.push([hz, deg + 360.0 * ((before - deg) / 360.0).round()]);
     }
@@ -119,23 +131,25 @@ fn unwrapped(g: impl Iterator<Item = (f64, C)>) -> Curve {
 }
 
 /// Fig. 24: (7) over (6).
-fn closed_loop(f: &Found) -> Result<String, PlotError> {
-    let gain = |g: &dyn Fn(usize) -> C| -> Curve {
-        (0..f.loops.len()).map(|i| [f.loops[i].hz, db(g(i))]).collect()
+fn closed_loop(f: &SingleDof) -> Result<String, PlotError> {
+    let gain = |g: &dyn Fn(&LoopPoint) -> Complex| -> Curve {
+        f.loops.iter().map(|l| [l.hz, g(l).db()]).collect()
     };
     // Without damping the phase of (6) is a step of half a turn, downwards.
     let six: [Curve; 2] = [
-        gain(&|i| f.loops[i].simulated),
+        gain(&|l| l.simulated),
         f.loops.iter().map(|l| [l.hz, if l.simulated.re > 0.0 { 0.0 } else { -180.0 }]).collect(),
     ];
-    let seven: [[Curve; 3]; 2] = [0, 1].map(|k| {
-        [
-            gain(&|i| f.loops[i].hil[k]),
-            unwrapped(f.loops.iter().map(|l| (l.hz, l.hil[k]))),
-            gain(&|i| f.loops[i].hil[k] / f.loops[i].simulated),
-        ]
+    type Leg = (InterfaceKind, fn(&LoopPoint) -> Complex);
+    let legs: [Leg; 2] = [
+        (InterfaceKind::Uncompensated, |l| l.uncompensated),
+        (InterfaceKind::Compensated, |l| l.compensated),
+    ];
+    let seven: [[Curve; 3]; 2] = legs.map(|(_, of)| {
+        let ratio = |l: &LoopPoint| (C::from(of(l)) / C::from(l.simulated)).into();
+        [gain(&of), unwrapped(f.loops.iter().map(|l| (l.hz, of(l)))), gain(&ratio)]
     });
-    let title = format!("HIL loop (7) over simulated system (6) (as Fig. 24): {}", f.preset);
+    let title = format!("HIL loop (7) over simulated system (6) (as Fig. 24): {}", preset(f));
     let axes = [
         Axis::new("gain", "dB"),
         Axis::new("phase", "deg").include(-190.0).include(190.0),
@@ -147,9 +161,9 @@ fn closed_loop(f: &Found) -> Result<String, PlotError> {
         let (title, height) = if k == 0 { (title.as_str(), 230.0) } else { ("", 170.0) };
         let mut p = frequency(title, axis, height);
         let name = |text: &str| if k == 0 { text.to_owned() } else { String::new() };
-        for (i, kind) in [Kind::Plain, Kind::Compensated].into_iter().enumerate() {
-            let line = Line::new(name(kind.title()), &seven[i][k]);
-            p = p.line(line.colour(colour(kind)).width(2.4));
+        for ((kind, _), seven) in legs.iter().zip(&seven) {
+            let line = Line::new(name(self::title(*kind)), &seven[k]);
+            p = p.line(line.colour(colour(*kind)).width(2.4));
         }
         if let Some(six) = six.get(k) {
             let line = Line::new(name("simulated system"), six);
@@ -164,7 +178,7 @@ fn closed_loop(f: &Found) -> Result<String, PlotError> {
 struct Quantity {
     name: &'static str,
     unit: &'static str,
-    value: fn(&Sample) -> f64,
+    value: fn(&SingleDofTick) -> f64,
 }
 
 const DISPLACEMENT: Quantity =
@@ -172,7 +186,7 @@ const DISPLACEMENT: Quantity =
 const FORCE: Quantity = Quantity { name: "force", unit: "kN", value: |s| s.force_n * 1e-3 };
 
 /// The simulated system and the HIL simulations over time, and how far they are apart.
-fn in_time(r: &Runs, q: &Quantity, title: &str) -> Result<String, PlotError> {
+fn in_time(r: &Simulations, q: &Quantity, title: &str) -> Result<String, PlotError> {
     let reference: Curve = r.simulated.iter().map(|s| [s.time_s, (q.value)(s)]).collect();
     let curves: [[Curve; 2]; 3] = core::array::from_fn(|i| {
         let pairs = r.hil[i].iter().zip(&r.simulated);
@@ -189,13 +203,11 @@ fn in_time(r: &Runs, q: &Quantity, title: &str) -> Result<String, PlotError> {
     };
     let mut above = plot(title, q.name, 230.0);
     let mut below = plot("", "HIL less simulated", 150.0);
-    for (i, kind, width) in
-        [(0, Kind::One, 6.0), (1, Kind::Plain, 2.2), (2, Kind::Compensated, 2.2)]
-    {
+    for (i, (kind, width)) in InterfaceKind::ALL.into_iter().zip([6.0, 2.2, 2.2]).enumerate() {
         let line = |name: &'static str, k: usize, width: f64| {
             Line::new(name, &curves[i][k]).colour(colour(kind)).width(width)
         };
-        above = above.line(line(kind.title(), 0, width));
+        above = above.line(line(self::title(kind), 0, width));
         below = below.line(line("", 1, 1.8));
     }
     above = above.line(
