@@ -37,7 +37,7 @@ fn kinetic(system: &System, bodies: &[BodyState; 2]) -> f64 {
 pub fn trace(system: &System, r: &TickRecord) -> Trace {
     let m = &r.measurement;
     let truth = DVec3::from_slice(&m.truth_port4[..3]);
-    let told = m.has(docktwin_hil::port::status::TRUTH);
+    let told = m.has(docktwin_rigport::message::Capabilities::TRUTH);
     Trace {
         force_n: if told { truth } else { r.ports.port4.f },
         position_m: r.x_34.p,

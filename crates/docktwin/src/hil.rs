@@ -23,32 +23,27 @@ use docktwin::{
     telemetry::{CONTACT_N, Watcher, hil_columns, loop_row},
 };
 use docktwin_control::{
-    compensator::Compensator as _,
     rig::RigSetup,
-    safety::{Limit, SafetyLimits, Trip, half_widths},
+    safety::{SafetyLimits, Trip, half_widths},
     sensing::SensorScheme,
 };
 use docktwin_core::{Digest, Pose, SimTime, Tick};
 use docktwin_hil::{
-    calibrate::{Calibration, accelerometers_ahead_s},
+    calibrate::Calibration,
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::{EmulatedRig, clear},
-    identify::{Identification, sensor_interface},
-    in_process::InProcess,
+    identify::Identification,
     realtime::relax,
-    rig::Rig,
     scheduler::{
-        Approach, ArmError, Check, Idle, LegCorrections, Loop, LoopSetup, LoopTimes, Phase,
-        Running, Stopped, TickRecord,
+        Approach, ArmError, Check, Idle, Loop, LoopSetup, LoopTimes, Phase, RigParameters, Running,
+        Stopped, TickRecord,
     },
-    vibro::believed_delays_s,
 };
-use docktwin_model::{HydraulicPreset, Rig as RigModel, RigSensors, SixAxisSensor, load_rig};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
 use docktwin_physics::{
     body::BodyState,
     contact::PAIRS,
     mechanism::{System, pair_name},
-    mounted::Payload,
     programme::Programme,
     reduced::Inputs,
 };
@@ -56,6 +51,7 @@ use docktwin_record::{
     Event, LatenessUs, LoopSummary, Outcome, PhaseUs, Policy, RunWriter, SafetySummary, StepUs,
     Summary, Verdict,
 };
+use docktwin_rigport::{in_process::InProcess, rig::Rig};
 use docktwin_scenario::{
     CompensatorChoice, ExpectedOutcome, Scenario, Thrust, load_scenario, resolve_path,
 };
@@ -86,8 +82,6 @@ const SETTLE_S: f64 = 0.6;
 /// Longest way of the run-up along the docking axis, m, and the times it may take, s.
 const RUN_UP_M: f64 = 0.1;
 const RUN_UP_S: [f64; 2] = [0.2, 4.0];
-/// Loads at which the supervisor stops, over the mechanism's own limits.
-const LOAD_MARGIN: f64 = 1.2;
 /// Ticks between the loop and what looks at them, in real time: two seconds.
 const RING_TICKS: usize = 2048;
 /// Ticks between two lines to a pilot.
@@ -145,23 +139,10 @@ impl Known {
         })
     }
 
-    /// Delay of the plate and the lead that undoes plate and sensor, as identified.
-    fn delays_s(&self, sensor: &SixAxisSensor) -> Option<(f64, f64)> {
-        let found = &self.identification.as_ref()?.1;
-        let of_a = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
-        let lag_s = self
-            .calibration
-            .as_ref()
-            .map_or_else(|| sensor_interface(sensor).lag_s(), |c| c.1.lag_s(1, sensor));
-        Some((found.delay_s() + lag_s, found.lead_s(&of_a)))
-    }
-
-    /// Lag of sensor B less that of the accelerometers.
-    fn accelerometers_ahead_s(&self, sensors: &RigSensors) -> f64 {
-        self.calibration.as_ref().map_or_else(
-            || accelerometers_ahead_s(sensors),
-            |c| c.1.accelerometers_ahead_s(sensors),
-        )
+    /// What is believed of the rig by its file and by these.
+    fn parameters(&self, rig: &RigModel) -> RigParameters {
+        let identification = self.identification.as_ref().map(|i| &i.1);
+        RigParameters::new(rig, identification, self.calibration.as_ref().map(|c| &c.1))
     }
 
     /// One line for the checklist, and the digest for the record.
@@ -190,60 +171,42 @@ impl<'a> Prepared<'a> {
         }
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);
-        let sensors = rig.sensors.ok_or_else(|| Failure::Usage {
-            what: format!("the rig has no table [sensors]: {}", rig_path.display()),
-            remedy: "add one; models/urdf/stewart.toml is an example".to_owned(),
-        })?;
+        if rig.sensors.is_none() {
+            return Err(Failure::Usage {
+                what: format!("the rig has no table [sensors]: {}", rig_path.display()),
+                remedy: "add one; models/urdf/stewart.toml is an example".to_owned(),
+            });
+        }
         let run_up_s = run_up_s(&system, &bodies, &programme);
         for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
             within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
         }
         let known = Known::read(args, &rig)?;
-        let believed_s = believed_delays_s(&rig).iter().sum();
-        let (interface_delay_s, lead_s) =
-            known.delays_s(&sensors.force).unwrap_or((believed_s, believed_s));
+        let parameters = known.parameters(&rig);
         let asked_s = args.lead_s.or(args.lead_ms.map(|ms| ms * 1e-3)).or(hil.lead_s);
         let choice = args.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
-        let compensation = rigs::compensation(choice, asked_s.unwrap_or(lead_s))?;
-        let limits = &scenario.mechanism.limits;
-        let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
-        let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 30")]
         let added_ticks = (hil.added_delay_s / tick_s).round() as usize;
-        let setup = LoopSetup {
-            added_ticks,
-            feedforward: believed.feedforward(),
-            corrections: known
-                .identification
-                .as_ref()
-                .map_or_else(LegCorrections::default, |i| i.1.corrections()),
-            compensation,
-            scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
-            payload: known.calibration.as_ref().map_or_else(
-                || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
-                |c| c.1.payload,
-            ),
-            ring_mass_kg: system.ring_mass_kg(),
-            interface_delay_s,
-            accelerometers_ahead_s: known.accelerometers_ahead_s(&sensors),
-            limits: SafetyLimits::of_rig(
-                &rig,
-                hil.force_limit_n.unwrap_or(force),
-                hil.moment_limit_nm.unwrap_or(moment),
-            ),
-            approach: Approach {
+        let setup = LoopSetup::builder(&rig, preset, &system, &bodies)
+            .parameters(parameters)
+            .compensation(rigs::compensation(choice, asked_s.unwrap_or(parameters.lead_s))?)
+            .added_ticks(added_ticks)
+            .sensors(if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single })
+            .loads(hil.force_limit_n, hil.moment_limit_nm)
+            .approach(Approach {
                 speed_m_s: MOVE_M_S,
                 rate_rad_s: MOVE_RAD_S,
                 settle_s: SETTLE_S,
                 run_up_s,
-            },
-            bodies: programme,
-            ticks: scenario.run.ticks(),
-            session: session(args),
-            patience: Duration::ZERO,
-            dry_run: args.dry_run,
-            rig: rig.clone(),
-        };
+            })
+            .ticks(scenario.run.ticks())
+            .session(session(args))
+            .dry_run(args.dry_run)
+            .build()
+            .map_err(|e| Failure::Usage {
+                what: e.to_string(),
+                remedy: "correct the scenario or the option that gives it".to_owned(),
+            })?;
         Ok(Self { scenario, rig_path, rig, preset, system, bodies, setup, known })
     }
 
@@ -327,8 +290,8 @@ impl<'a> Prepared<'a> {
             found: format!(
                 "loaded from {}: {:.0} N, {:.0} N·m at the ports",
                 self.rig_path.display(),
-                self.setup.limits.of(Limit::Force),
-                self.setup.limits.of(Limit::Moment)
+                self.setup.limits.port_force_n,
+                self.setup.limits.port_moment_nm
             ),
         }];
         for (name, known) in self.known.lines() {
@@ -494,8 +457,8 @@ fn within_reach(
     let margins = believed.believed_platform.stroke_margins_m(&c.length_m);
     let least = margins.iter().copied().fold(f64::INFINITY, f64::min);
     let limits = SafetyLimits::of_rig(rig, 0.0, 0.0);
-    let (far, most) = (half_widths(rig, x_34), limits.of(Limit::Pose));
-    if least > limits.of(Limit::Stroke) && far < most {
+    let (far, most) = (half_widths(rig, x_34), limits.pose_half_widths);
+    if least > limits.stroke_margin_m && far < most {
         return Ok(());
     }
     let p = x_34.p;
@@ -540,7 +503,7 @@ impl Hand {
         if r.ports.port4.f.length() > CONTACT_N {
             self.first_contact_s.get_or_insert(time_s);
         }
-        if r.measurement.mechanism[9] > 0.5 {
+        if r.measurement.is_joined() == Some(true) {
             self.captured_s.get_or_insert(time_s);
         }
     }
@@ -1125,10 +1088,11 @@ fn safety_summary(ended: &Ended) -> SafetySummary {
     SafetySummary {
         state: if ended.end.trip.is_some() { "stopped" } else { "normal" }.to_owned(),
         trips: trips.into_iter().collect(),
-        min_margin: Limit::ALL
-            .into_iter()
-            .zip(ended.end.least_margin)
-            .map(|(l, m)| (l.name().to_owned(), m))
+        min_margin: ended
+            .end
+            .margins
+            .iter()
+            .map(|(limit, margin)| (limit.name().to_owned(), margin))
             .collect(),
     }
 }

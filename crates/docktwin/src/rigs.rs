@@ -10,20 +10,20 @@ use std::{
 
 use clap::Args;
 use docktwin::rigfile::{CalibrationFile, IdentificationFile, Read, RigFile, read};
-use docktwin_control::compensator::{Compensation, MOST_LEAD_S};
+use docktwin_control::compensation::{Compensation, MOST_LEAD_S};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::Clock,
     identify::Identification,
-    ipc::IpcRig,
     realtime::{RealtimeReport, RealtimeSetup, Shortage, keep_others_off},
 };
 use docktwin_model::Rig as RigModel;
+use docktwin_rigport::ipc::IpcRig;
 use docktwin_scenario::CompensatorChoice;
 
 use crate::{cli::ClockArg, failure::Failure};
 
-pub(crate) use docktwin_hil::vibro::PERIOD_NS;
+pub(crate) use docktwin_core::PERIOD_NS;
 
 /// How long a rig in another process may take over a tick in lockstep, and to be found at all.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(5);

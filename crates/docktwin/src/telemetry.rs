@@ -59,6 +59,7 @@ pub fn hil_columns() -> Vec<Column> {
     }
     out.push(Column::u64("/loop", "loop_phase"));
     out.push(Column::u64("/loop", "rig_status"));
+    out.push(Column::u64("/loop", "rig_capabilities"));
     out.push(Column::bool("/loop", "measurement_fresh"));
     out.push(Column::f64("/loop", "wakeup_lateness_us"));
     out.push(Column::f64("/loop", "compute_time_us"));
@@ -93,7 +94,8 @@ pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
         );
     }
     out.push(Cell::from(r.phase as u64));
-    out.push(Cell::from(u64::from(m.status)));
+    out.push(Cell::from(u64::from(m.status.bits())));
+    out.push(Cell::from(u64::from(m.capabilities.bits())));
     out.push(Cell::from(r.fresh));
     #[expect(clippy::cast_precision_loss, reason = "times far below 2^53 ns")]
     let us = |ns: u64| if timed { ns as f64 * 1e-3 } else { 0.0 };
@@ -143,10 +145,10 @@ impl Watcher {
     ) -> DockingState {
         let mass = system.mass();
         let m = &r.measurement;
-        for (latch, phase) in self.latches.iter_mut().zip(m.mechanism) {
+        for (latch, phase) in self.latches.iter_mut().zip(m.latch_phases()) {
             let phase = [LatchPhase::Latched, LatchPhase::Struck, LatchPhase::Approach]
                 .into_iter()
-                .find(|p| phase >= f64::from(*p as u8))
+                .find(|p| *phase >= u32::from(*p as u8))
                 .unwrap_or_default();
             latch.phase = phase;
             for (i, reached) in [LatchPhase::Approach, LatchPhase::Struck, LatchPhase::Latched]
@@ -158,7 +160,7 @@ impl Watcher {
                 }
             }
         }
-        if m.mechanism[9] > 0.5 {
+        if m.is_joined() == Some(true) {
             self.captured_s.get_or_insert(time_s);
         }
         let losses = self.state.mechanism.losses;
@@ -166,10 +168,8 @@ impl Watcher {
         self.state.mechanism.losses = losses;
 
         let [chaser, target] = r.bodies;
-        let offset = Pose::new(
-            DVec3::from_slice(&m.mechanism[3..6]),
-            docktwin_core::DQuat::from_scaled_axis(DVec3::from_slice(&m.mechanism[6..9])),
-        );
+        let [d, psi] = m.ring().unwrap_or_default();
+        let offset = Pose::new(d, docktwin_core::DQuat::from_scaled_axis(psi));
         let ring = chaser.pose() * system.ring_at_rest() * offset;
         let t = chaser.twist(&mass[CHASER]);
         let v = t.v + t.w.cross(ring.p - chaser.p);

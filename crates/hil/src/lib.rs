@@ -1,18 +1,17 @@
 //! The loop: what runs in a rehearsal is what runs live, tick for tick.
+//!
+//! What passes between loop and rig is `docktwin-rigport`; here are the loop ([`scheduler`]), its clocks,
+//! emulated rigs with their faults, and what is found out about a rig by driving it.
 
 pub mod calibrate;
 pub mod clock;
-pub mod desk;
+mod commands;
 pub mod drive;
 pub mod emulated;
+pub mod faults;
 pub mod histogram;
 pub mod ideal;
 pub mod identify;
-pub mod in_process;
-pub mod ipc;
-pub mod port;
 pub mod realtime;
-pub mod rig;
 pub mod scheduler;
 pub mod vibro;
-pub mod wire;

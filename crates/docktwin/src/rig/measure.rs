@@ -7,18 +7,16 @@ use std::{
 };
 
 use docktwin::rigfile::{CalibrationFile, DOFS, IdentificationFile, Origin, RigFile, write};
-use docktwin_control::{rig::RigSetup, safety::SafetyLimits};
+use docktwin_control::{feedforward::LegCorrections, rig::RigSetup, safety::SafetyLimits};
 use docktwin_core::{Digest, Pose};
 use docktwin_hil::{
     calibrate::{CalibrateSetup, Touch, calibrate as calibrated},
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     drive::{Drive, DriveSetup},
     identify::{FREQUENCIES_HZ, IdentifySetup, identify as identified},
-    in_process::InProcess,
     realtime::relax,
-    rig::Rig,
-    scheduler::LegCorrections,
 };
+use docktwin_rigport::{in_process::InProcess, rig::Rig};
 
 use super::{CalibrateArgs, IdentifyArgs, MeasureArgs, Stand};
 use crate::{

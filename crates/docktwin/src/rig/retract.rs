@@ -3,15 +3,14 @@
 use std::{path::PathBuf, process::ExitCode, time::Duration};
 
 use clap::Args;
-use docktwin_control::{rig::RigSetup, safety::SafetyLimits};
+use docktwin_control::{feedforward::LegCorrections, rig::RigSetup, safety::SafetyLimits};
 use docktwin_core::Pose;
 use docktwin_hil::{
     clock::Clock,
     drive::{Drive, DriveSetup},
-    rig::Rig,
-    scheduler::LegCorrections,
 };
 use docktwin_model::load_rig;
+use docktwin_rigport::rig::Rig;
 use serde_json::json;
 
 use super::measure::{Work, lead};

@@ -8,24 +8,20 @@ use std::{
 };
 
 use clap::Args;
-use docktwin_control::{
-    compensator::{Compensation, Compensator as _},
-    sensing::SensorScheme,
-};
+use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
     emulated::EmulatedRig,
-    in_process::InProcess,
     realtime::relax,
-    rig::Rig,
-    scheduler::{Loop, TickRecord},
-    vibro::{Axis, Contact, Row, TABLE_4, VibroRun, VibroSettings, VibroTest, believed_delays_s},
+    scheduler::{Loop, TickRecord, believed_delays_s},
+    vibro::{Axis, Contact, Row, TABLE_4, VibroRun, VibroSettings, VibroTest},
 };
 use docktwin_model::{
     DockingMechanism, HydraulicPreset, Rig as RigModel, Spacecraft, load_mechanism, load_rig,
     load_spacecraft,
 };
 use docktwin_plot::{Axis as PlotAxis, Colour, Dash, Line, Plot, PlotError};
+use docktwin_rigport::{in_process::InProcess, rig::Rig};
 use docktwin_scenario::{CompensatorChoice, resolve_path};
 use serde_json::{Value, json};
 
@@ -344,7 +340,11 @@ impl<'a> Bench<'a> {
             patience: patience::<K>(),
         };
         let mut kept = Kept::default();
-        let idle = Loop::new(test.setup(&self.rig, &settings), rig, clock);
+        let setup = test.setup(&self.rig, &settings).map_err(|e| Failure::Usage {
+            what: e.to_string(),
+            remedy: "correct the option that gives it".to_owned(),
+        })?;
+        let idle = Loop::new(setup, rig, clock);
         let run = test.run(idle, |r| kept.look(r)).map_err(refused)?;
         Ok((run, kept))
     }
