@@ -282,36 +282,18 @@ fn invariant_the_compiler_checks_every_memory_access() {
     assert!(seen > 50, "only {seen} sources were found");
 }
 
-/// Names of all packages that are built for `package`, its own included: what a crate outside the workspace
-/// links that depends on it alone.
+/// Names of all packages that are built for `package` on this platform, its own included: what a crate outside
+/// the workspace links that depends on it alone.
 fn linked_by(package: &str) -> BTreeSet<String> {
     let out = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--offline"])
+        .args(["tree", "--offline", "--package", package, "--edges", "no-dev"])
+        .args(["--prefix", "none", "--format", "{p}"])
         .current_dir(root())
         .output()
         .expect("cargo can be called");
-    assert!(out.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&out.stderr));
-    let all: Value = serde_json::from_slice(&out.stdout).expect("cargo writes JSON");
-    let text = |v: &Value| v.as_str().expect("a text").to_owned();
-    let list = |v: &Value| v.as_array().cloned().unwrap_or_default();
-    let names: BTreeMap<String, String> =
-        list(&all["packages"]).iter().map(|p| (text(&p["id"]), text(&p["name"]))).collect();
-    let uses: BTreeMap<String, Vec<String>> = list(&all["resolve"]["nodes"])
-        .iter()
-        .map(|node| {
-            let shipped = |d: &&Value| list(&d["dep_kinds"]).iter().any(|k| k["kind"] != "dev");
-            let deps = list(&node["deps"]);
-            (text(&node["id"]), deps.iter().filter(shipped).map(|d| text(&d["pkg"])).collect())
-        })
-        .collect();
-    let first = names.iter().find(|(_, name)| *name == package).expect("a package").0;
-    let (mut open, mut seen) = (vec![first.clone()], BTreeSet::new());
-    while let Some(id) = open.pop() {
-        if seen.insert(id.clone()) {
-            open.extend(uses[&id].iter().cloned());
-        }
-    }
-    seen.iter().map(|id| names[id].clone()).collect()
+    assert!(out.status.success(), "cargo tree: {}", String::from_utf8_lossy(&out.stderr));
+    let tree = String::from_utf8(out.stdout).expect("cargo writes text");
+    tree.lines().filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect()
 }
 
 /// An adapter to a rig depends on the port alone: it links no physics, no control, no model, no viewer.
