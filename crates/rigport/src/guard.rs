@@ -7,7 +7,7 @@
 //! protocol page gives it in C.
 
 use bitflags::bitflags;
-use docktwin_core::{DVec3, Pose, Wrench};
+use docktwin_core::{DVec3, Pose, Twist, Wrench};
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::message::{
@@ -112,45 +112,56 @@ impl Guard {
         c.guard_box_turn_rad = self.turn_rad;
     }
 
-    /// The limits that a command of motion, or what was measured, passes.
+    /// The limits that a command, or what was measured after it, passes.
     ///
-    /// Speeds and poses are those commanded (in tracking) and those measured, as far as there are any. A
-    /// limit on what is neither counts as passed: it cannot be kept.
+    /// Forces count in every mode in which the rig is under power and is to go on: hold, track, retract. A
+    /// limit on a sensor that is not there counts as passed: it cannot be kept. Speeds and poses count in
+    /// track, those commanded and, as far as there are any, those measured; in other modes a rig moves by
+    /// itself, if at all.
     #[must_use]
     pub fn passed(&self, c: &RigCommand, m: &RigMeasurement) -> GuardLimits {
-        let tracks = c.mode == RigMode::Track as u32;
         let mut out = GuardLimits::empty();
-        for (i, (limit, capability, read)) in [
-            (GuardLimits::SENSOR_A, Capabilities::SENSOR_A, &m.sensor_a),
-            (GuardLimits::SENSOR_B, Capabilities::SENSOR_B, &m.sensor_b),
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            let change = wrench(read) + -self.reference[i];
+        let mode = RigMode::from_number(c.mode);
+        if matches!(mode, Some(RigMode::Hold | RigMode::Track | RigMode::Retract)) {
+            out |= self.forces_passed(m);
+        }
+        if mode == Some(RigMode::Track) {
+            out |= self.motion_passed(c, m);
+        }
+        out & self.limits
+    }
+
+    fn forces_passed(&self, m: &RigMeasurement) -> GuardLimits {
+        let mut out = GuardLimits::empty();
+        for (limit, capability, read, reference) in [
+            (GuardLimits::SENSOR_A, Capabilities::SENSOR_A, &m.sensor_a, self.reference[0]),
+            (GuardLimits::SENSOR_B, Capabilities::SENSOR_B, &m.sensor_b, self.reference[1]),
+        ] {
+            let change = wrench(read) + -reference;
             // Written so that a number that is not one passes the limit.
             let kept = change.f.length() <= self.force_n && change.m.length() <= self.moment_nm;
             out.set(limit, !(m.has(capability) && kept));
         }
-        let legs = [
-            (tracks && c.leg_count > 0).then_some(&c.leg_speed_m_s),
-            m.has(Capabilities::LEG_SPEED).then_some(&m.leg_speed_m_s),
-        ];
-        out.set(
-            GuardLimits::LEG_SPEED,
-            !kept(legs, |v| v.iter().all(|v| v.abs() <= self.leg_speed_m_s)),
-        );
-        let poses = [tracks.then(|| c.plate()), m.plate()];
-        out.set(GuardLimits::POSE, !kept(poses, |x| self.holds(&x)));
-        let twists = [tracks.then(|| (c.plate(), c.plate_twist())), m.plate().zip(m.plate_twist())];
-        out.set(
-            GuardLimits::PLATE_SPEED,
-            !kept(twists, |(x, t)| {
-                let v = t.v + t.w.cross(x.q * self.point_m);
-                v.length() <= self.speed_m_s && t.w.length() <= self.rate_rad_s
-            }),
-        );
-        out & self.limits
+        out
+    }
+
+    fn motion_passed(&self, c: &RigCommand, m: &RigMeasurement) -> GuardLimits {
+        let slow = |v: &[f64; 6]| v.iter().all(|v| v.abs() <= self.leg_speed_m_s);
+        let measured = m.has(Capabilities::LEG_SPEED);
+        let legs =
+            (c.leg_count == 0 || slow(&c.leg_speed_m_s)) && (!measured || slow(&m.leg_speed_m_s));
+        let within = |x: &Pose, t: &Twist| {
+            let v = t.v + t.w.cross(x.q * self.point_m);
+            v.length() <= self.speed_m_s && t.w.length() <= self.rate_rad_s
+        };
+        let twists = within(&c.plate(), &c.plate_twist())
+            && m.plate().zip(m.plate_twist()).is_none_or(|(x, t)| within(&x, &t));
+        let poses = self.holds(&c.plate()) && m.plate().is_none_or(|x| self.holds(&x));
+        let mut out = GuardLimits::empty();
+        out.set(GuardLimits::LEG_SPEED, !legs);
+        out.set(GuardLimits::PLATE_SPEED, !twists);
+        out.set(GuardLimits::POSE, !poses);
+        out
     }
 
     /// Whether a pose of the plate is in the box.
@@ -160,11 +171,6 @@ impl Guard {
         let turn_rad = 2.0 * turn.xyz().length().atan2(turn.w.abs());
         off.abs().cmple(self.half_m).all() && turn_rad <= self.turn_rad
     }
-}
-
-/// Whether there is something to look at, and all of it is good.
-fn kept<T>(seen: [Option<T>; 2], good: impl Fn(T) -> bool) -> bool {
-    seen.iter().any(Option::is_some) && seen.into_iter().flatten().all(good)
 }
 
 #[cfg(test)]
@@ -262,16 +268,14 @@ mod tests {
     }
 
     #[test]
-    fn invariant_what_cannot_be_looked_at_counts_as_passed() {
+    fn invariant_what_cannot_be_kept_counts_as_passed() {
         let (c, mut m) = good();
         assert_eq!(guard().passed(&c, &m), GuardLimits::empty());
         // Commanded values are enough for speeds and poses, but not for forces.
         m.capabilities = Capabilities::empty();
         let forces = GuardLimits::SENSOR_A | GuardLimits::SENSOR_B;
         assert_eq!(guard().passed(&c, &m), forces);
-        let held = RigCommand { mode: RigMode::Hold as u32, ..c };
-        assert_eq!(guard().passed(&held, &m), GuardLimits::all());
-        assert_eq!(Guard::NONE.passed(&held, &m), GuardLimits::empty());
+        assert_eq!(Guard::NONE.passed(&c, &m), GuardLimits::empty());
         let (c, mut m) = good();
         m.sensor_a[3] = f64::NAN;
         m.leg_speed_m_s[0] = f64::NAN;
@@ -279,5 +283,26 @@ mod tests {
         let passed = guard().passed(&c, &m);
         let expected = GuardLimits::SENSOR_A | GuardLimits::LEG_SPEED | GuardLimits::POSE;
         assert!(passed.contains(expected), "{passed:?}");
+    }
+
+    /// A rig that holds, draws back or rests is not led: only forces count, and none where it is to stop.
+    #[test]
+    fn oracle_motion_counts_in_track_alone() {
+        let (mut c, mut m) = good();
+        m.sensor_a[0] = 0.0;
+        m.plate_position_m[2] = 9.0;
+        m.plate_velocity_m_s[2] = 9.0;
+        m.leg_speed_m_s = [9.0; 6];
+        let motion = GuardLimits::LEG_SPEED | GuardLimits::PLATE_SPEED | GuardLimits::POSE;
+        for (mode, passed) in [
+            (RigMode::Track, motion | GuardLimits::SENSOR_A),
+            (RigMode::Hold, GuardLimits::SENSOR_A),
+            (RigMode::Retract, GuardLimits::SENSOR_A),
+            (RigMode::Stop, GuardLimits::empty()),
+            (RigMode::Idle, GuardLimits::empty()),
+        ] {
+            c.mode = mode as u32;
+            assert_eq!(guard().passed(&c, &m), passed, "{mode:?}");
+        }
     }
 }

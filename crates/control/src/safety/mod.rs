@@ -8,6 +8,9 @@
 //! | here | which limits there are, and the supervisor that applies the rules |
 //! | `limits` | their values, by name, with unit and source |
 //! | `rules` | one function a rule: what is held against which limit |
+//!
+//! A new limit is a variant of [`Limit`] with its name, a field of [`SafetyLimits`], a rule, what it looks at
+//! in [`Watched`], and a row in `docs/bring-up-a-rig.md`.
 
 use docktwin_core::{DVec3, Euler, Pose};
 use docktwin_model::Rig;

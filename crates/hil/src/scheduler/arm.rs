@@ -268,9 +268,9 @@ fn interface(last: &RigMeasurement) -> Check {
         Some(DriveKind::Unstated) | None => "drives not stated",
     };
     match Form::of(last) {
-        Some(Form::Legs) => Check::new("interface", true, format!("{drive}, led by six legs")),
+        Some(Form::Legs) => Check::new("interface", true, format!("{drive}, six legs commanded")),
         Some(Form::Pose) => {
-            Check::new("interface", true, format!("{drive}, led by the plate's pose alone"))
+            Check::new("interface", true, format!("{drive}, the plate's pose commanded"))
         }
         None => Check::new(
             "interface",
