@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use docktwin_hil::{
-    port::{RigCommand, RigMeasurement, RigMode},
+use docktwin_rigport::{
+    message::{RigCommand, RigMeasurement, RigMode},
     rig::{Rig, RigError},
 };
 use docktwin_run::{HilOptions, HilRun, RunError, SummaryOnly};

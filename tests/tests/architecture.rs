@@ -1,7 +1,7 @@
 //! The table of ARCHITECTURE.md, held against `cargo metadata` and the sources.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
     process::Command,
@@ -14,7 +14,8 @@ const OUTSIDE: [&str; 3] = ["docktwin-peers", "docktwin-tests", "xtask"];
 
 /// The only files that may hold code the compiler cannot check: calls of the operating system for a
 /// real-time loop, and counting allocators.
-const UNCHECKED: [&str; 3] = [
+const UNCHECKED: [&str; 4] = [
+    "crates/control/tests/compensation.rs",
     "crates/hil/src/realtime.rs",
     "crates/hil/tests/no_allocation.rs",
     "crates/physics/tests/no_allocation.rs",
@@ -285,6 +286,37 @@ fn invariant_the_compiler_checks_every_memory_access() {
         }
     }
     assert!(seen > 50, "only {seen} sources were found");
+}
+
+/// Names of all packages that are built for `package` on this platform, its own included: what a crate outside
+/// the workspace links that depends on it alone.
+fn linked_by(package: &str) -> BTreeSet<String> {
+    let out = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--package", package, "--edges", "no-dev"])
+        .args(["--prefix", "none", "--format", "{p}"])
+        .current_dir(root())
+        .output()
+        .expect("cargo can be called");
+    assert!(out.status.success(), "cargo tree: {}", String::from_utf8_lossy(&out.stderr));
+    let tree = String::from_utf8(out.stdout).expect("cargo writes text");
+    tree.lines().filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect()
+}
+
+/// An adapter to a rig depends on the port alone: it links no physics, no control, no model, no viewer.
+#[test]
+fn invariant_an_adapter_to_a_rig_links_no_physics() {
+    let linked = linked_by("docktwin-rigport");
+    let of_the_house: Vec<&String> = linked.iter().filter(|n| n.starts_with("docktwin")).collect();
+    assert_eq!(of_the_house, ["docktwin-core", "docktwin-rigport"]);
+    for pattern in ["rapier*", "parry*", "rerun*", "re_*", "nalgebra*", "clap*", "urdf*"] {
+        let found: Vec<_> = linked.iter().filter(|n| matches(pattern, n)).collect();
+        assert!(found.is_empty(), "an adapter links {found:?}");
+    }
+    // The negative control: the loop does.
+    let linked = linked_by("docktwin-hil");
+    for name in ["docktwin-physics", "docktwin-control", "parry3d-f64", "nalgebra"] {
+        assert!(linked.contains(name), "{name} is not seen");
+    }
 }
 
 /// The negative control: these tests see what they are to see.

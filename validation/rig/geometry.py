@@ -110,18 +110,18 @@ class RigFile:
         return lengths, speeds
 
     def weight_a(self):
-        """What sensor A feels of the weight it carries, about `e3`, in `e3`."""
+        """What sensor A measures of the weight it carries, about `e3`, in `e3`."""
         mass, com = self.carried[0]
         force = mass * rotation(self.q_b3).T @ self.gravity
         return np.concatenate([force, np.cross(com, force)])
 
-    def felt_at_b(self, q, acceleration):
-        """Specific force at `e4`, in `e4`: what an accelerometer feels; the plate does not turn fast."""
+    def specific_force_at_b(self, q, acceleration):
+        """Specific force at `e4`, in `e4`: what an accelerometer measures; the plate does not turn fast."""
         turned = rotation(multiply(q, self.x_p4[1])).T
         return turned @ (acceleration - self.gravity)
 
     def weight_b(self, q, acceleration):
-        """What sensor B feels of weight and inertia, about `e4`, in `e4`; the plate does not turn fast."""
+        """What sensor B measures of weight and inertia, about `e4`, in `e4`; the plate does not turn fast."""
         mass, com = self.carried[1]
-        force = -mass * self.felt_at_b(q, acceleration)
+        force = -mass * self.specific_force_at_b(q, acceleration)
         return np.concatenate([force, np.cross(com, force)])

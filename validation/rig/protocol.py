@@ -1,15 +1,18 @@
-"""The rig port as docs/rig-protocol.md gives it: structures, numbers, and how a rig judges commands."""
+"""The rig port as docs/rig-protocol.md gives it: structures, numbers, and how a rig validates commands."""
 
 from __future__ import annotations
 
 import ctypes
 import math
 
-VERSION = 2
+VERSION = 3
 IDLE, HOLD, TRACK, RETRACT, STOP = range(5)
 LOCKSTEP = 1
-ENABLED, SAFE_STATE, REFUSED, TRUTH, UNASKED = 1, 1 << 5, 1 << 6, 1 << 7, 1 << 8
-ACCELEROMETER = 1 << 9
+ENABLED, SAFE_STATE, REFUSED, UNSOLICITED = 1, 1 << 5, 1 << 6, 1 << 8
+LEG_COMMAND, POSE_COMMAND = 1, 1 << 1
+LEG_LENGTH, LEG_SPEED, LEG_FORCE = 1 << 8, 1 << 9, 1 << 10
+SENSOR_A, SENSOR_B, ACCELEROMETER, TRUTH = 1 << 12, 1 << 13, 1 << 14, 1 << 21
+KNOWN_FLAGS, KNOWN_GUARD_LIMITS = 0b11, 0b11111
 SILENT_PERIODS = 10
 PERIODS_NS = range(10_000, 1_000_000_001)
 
@@ -21,7 +24,7 @@ class RigCommand(ctypes.Structure):
         ("protocol_version", ctypes.c_uint32),
         ("mode", ctypes.c_uint32),
         ("flags", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("leg_count", ctypes.c_uint32),
         ("session", ctypes.c_uint64),
         ("tick", ctypes.c_uint64),
         ("loop_time_ns", ctypes.c_uint64),
@@ -31,23 +34,54 @@ class RigCommand(ctypes.Structure):
         ("leg_speed_m_s", ctypes.c_double * 6),
         ("leg_flow_speed_m_s", ctypes.c_double * 6),
         ("leg_force_n", ctypes.c_double * 6),
+        ("flow_ahead_s", ctypes.c_double),
+        ("force_ahead_s", ctypes.c_double),
         ("plate_position_m", ctypes.c_double * 3),
         ("plate_attitude", ctypes.c_double * 4),
         ("plate_velocity_m_s", ctypes.c_double * 3),
         ("plate_rate_rad_s", ctypes.c_double * 3),
+        ("plate_acceleration", ctypes.c_double * 6),
+        ("plate_wrench", ctypes.c_double * 6),
+        ("mechanism_mode", ctypes.c_uint32),
+        ("guard_limits", ctypes.c_uint32),
         ("mechanism", ctypes.c_double * 8),
+        ("guard_reference_a", ctypes.c_double * 6),
+        ("guard_reference_b", ctypes.c_double * 6),
+        ("guard_force_n", ctypes.c_double),
+        ("guard_moment_nm", ctypes.c_double),
+        ("guard_leg_speed_m_s", ctypes.c_double),
+        ("guard_speed_m_s", ctypes.c_double),
+        ("guard_rate_rad_s", ctypes.c_double),
+        ("guard_point_m", ctypes.c_double * 3),
+        ("guard_box_middle_m", ctypes.c_double * 3),
+        ("guard_box_attitude", ctypes.c_double * 4),
+        ("guard_box_half_m", ctypes.c_double * 3),
+        ("guard_box_turn_rad", ctypes.c_double),
+        ("reserved", ctypes.c_uint64 * 8),
     ]
 
     @staticmethod
     def type_name() -> str:
         """Under which iceoryx2 knows it."""
-        return "DocktwinRigCommandV2"
+        return "DocktwinRigCommandV3"
 
     def numbers(self):
         """Every number that must be finite."""
         for name, kind in self._fields_:
-            if issubclass(kind, ctypes.Array):
+            if kind is ctypes.c_double:
+                yield getattr(self, name)
+            elif issubclass(kind, ctypes.Array) and kind._type_ is ctypes.c_double:
                 yield from getattr(self, name)
+
+    def keeps_reserved(self):
+        """Whether nothing stands where a later version may have something."""
+        return (
+            not self.flags & ~KNOWN_FLAGS
+            and not self.guard_limits & ~KNOWN_GUARD_LIMITS
+            and self.leg_count <= 6
+            and self.mechanism_mode <= 3
+            and not any(self.reserved)
+        )
 
 
 class RigMeasurement(ctypes.Structure):
@@ -57,11 +91,15 @@ class RigMeasurement(ctypes.Structure):
         ("protocol_version", ctypes.c_uint32),
         ("status", ctypes.c_uint32),
         ("refusal", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("capabilities", ctypes.c_uint32),
         ("session", ctypes.c_uint64),
         ("tick", ctypes.c_uint64),
         ("stamp_ns", ctypes.c_uint64),
         ("state_digest", ctypes.c_uint64),
+        ("drive", ctypes.c_uint32),
+        ("leg_count", ctypes.c_uint32),
+        ("latch_count", ctypes.c_uint32),
+        ("guard_tripped", ctypes.c_uint32),
         ("leg_length_m", ctypes.c_double * 6),
         ("leg_speed_m_s", ctypes.c_double * 6),
         ("leg_force_n", ctypes.c_double * 6),
@@ -69,25 +107,33 @@ class RigMeasurement(ctypes.Structure):
         ("sensor_a", ctypes.c_double * 6),
         ("sensor_b", ctypes.c_double * 6),
         ("plate_acceleration", ctypes.c_double * 6),
-        ("mechanism", ctypes.c_double * 10),
+        ("plate_position_m", ctypes.c_double * 3),
+        ("plate_attitude", ctypes.c_double * 4),
+        ("plate_velocity_m_s", ctypes.c_double * 3),
+        ("plate_rate_rad_s", ctypes.c_double * 3),
+        ("latch_phase", ctypes.c_uint32 * 8),
+        ("ring_displacement_m", ctypes.c_double * 3),
+        ("ring_rotation_rad", ctypes.c_double * 3),
         ("temperature_c", ctypes.c_double * 8),
         ("truth_position_m", ctypes.c_double * 3),
         ("truth_attitude", ctypes.c_double * 4),
         ("truth_twist", ctypes.c_double * 6),
         ("truth_port3", ctypes.c_double * 6),
         ("truth_port4", ctypes.c_double * 6),
+        ("reserved", ctypes.c_uint64 * 8),
     ]
 
     @staticmethod
     def type_name() -> str:
         """Under which iceoryx2 knows it."""
-        return "DocktwinRigMeasurementV2"
+        return "DocktwinRigMeasurementV3"
 
 
-class Desk:
-    """The rig's end: judges every command, keeps the safe state, lets the plant take its ticks.
+class RigEnd:
+    """The rig's end: validates every command, keeps the safe state, lets the plant take its ticks.
 
-    A plant has `follow(command)` and `alone(period_ns)`, which take one tick and return a measurement.
+    A plant has `follow(command)` and `alone(period_ns)`, which take one tick and return a measurement, and
+    `legs` and `pose`: how many legs it follows, and whether it follows the plate's pose without them.
     """
 
     def __init__(self, plant):
@@ -102,13 +148,18 @@ class Desk:
         self.stamp_ns = 0
         self.moved_ns = 0
         self.ahead = 0
+        self.silent = False
         self.refused = {}
 
     def _refusal(self, c: RigCommand, now_ns: int) -> int:
         if c.protocol_version != VERSION:
             return 1
+        if not c.keeps_reserved():
+            return 11
         if c.mode > STOP:
             return 6
+        if c.mode == TRACK and not self._follows(c.leg_count):
+            return 12
         if c.period_ns not in PERIODS_NS:
             return 10
         if c.session == 0:
@@ -121,11 +172,17 @@ class Desk:
             return 5
         return 0
 
+    def _follows(self, leg_count):
+        if leg_count == 0:
+            return self.plant.pose
+        return self.plant.legs in (0, leg_count)
+
     def due_ns(self, lockstep_patience_ns: int) -> float:
         """When the rig takes a tick of its own unless a command comes."""
-        if self.safe:
+        if self.safe and (self.silent or not self.lockstep):
             return self.moved_ns + self.period_ns
-        if self.held is None or self.held.mode not in (HOLD, TRACK, RETRACT):
+        led = self.held is not None and self.held.mode in (HOLD, TRACK, RETRACT)
+        if not self.safe and not led:
             return math.inf
         if self.lockstep:
             return self.moved_ns + lockstep_patience_ns
@@ -136,7 +193,7 @@ class Desk:
         real = not c.flags & LOCKSTEP
         if real and not self.lockstep and now_ns > self.due_ns(0):
             self.safe = True
-        self.moved_ns = now_ns
+        self.moved_ns, self.silent = now_ns, False
         refusal = self._refusal(c, now_ns)
         if refusal:
             self.safe = True
@@ -173,16 +230,17 @@ class Desk:
         # From then on along a grid, but never behind by more than a period.
         on_grid_ns = self.moved_ns + self.period_ns if self.safe else now_ns
         self.moved_ns = max(min(on_grid_ns, now_ns), now_ns - self.period_ns)
-        self.safe = True
+        self.safe, self.silent = True, True
         self.ahead += 1
         m = self.plant.alone(self.period_ns)
-        m.status |= UNASKED
+        m.status |= UNSOLICITED
         stamp_ns = self.stamp_ns if self.lockstep else now_ns
         return self._fill(m, self.session, self.tick or 0, stamp_ns)
 
     def _fill(self, m, session, tick, stamp_ns):
         m.protocol_version = VERSION
         m.session, m.tick, m.stamp_ns = session, tick, stamp_ns
+        m.capabilities |= (LEG_COMMAND if self.plant.legs else 0) | (POSE_COMMAND if self.plant.pose else 0)
         if self.safe:
             m.status |= SAFE_STATE
         self.stamp_ns = stamp_ns

@@ -27,12 +27,17 @@ from protocol import (
     ENABLED,
     HOLD,
     IDLE,
+    LEG_FORCE,
+    LEG_LENGTH,
+    LEG_SPEED,
     RETRACT,
+    SENSOR_A,
+    SENSOR_B,
     STOP,
     TRACK,
     TRUTH,
-    Desk,
     RigCommand,
+    RigEnd,
     RigMeasurement,
 )
 
@@ -45,9 +50,12 @@ MODELS = Path(__file__).resolve().parents[2] / "models/urdf"
 class Plate:
     """An ideal motion simulator: massless, without delay or error.
 
-    Its sensors stand in `e3` (A) and `e4` (B). They feel the contact, and, unless `bare`, weight and
-    inertia of what they carry and a little noise, as sensors of steel do.
+    It takes commands with the values of six legs and without. Its sensors stand in `e3` (A) and `e4` (B).
+    They measure the contact, and, unless `bare`, weight and inertia of what they carry and a little noise,
+    as sensors of steel do.
     """
+
+    legs, pose = 6, True
 
     def __init__(self, rig: RigFile, axis, stiffness_n_m, free_play_m, bare=False):
         self.rig = rig
@@ -106,7 +114,8 @@ class Plate:
         _, q_34 = self.rig.docking(self.p, self.q)
         port_3 = np.concatenate([-force_3, np.cross(arm_3, -force_3)])
         port_4 = np.concatenate([rotation(q_34).T @ force_3, np.zeros(3)])
-        m = RigMeasurement(status=status | TRUTH)
+        m = RigMeasurement(status=status, leg_count=6)
+        m.capabilities = LEG_LENGTH | LEG_SPEED | LEG_FORCE | SENSOR_A | SENSOR_B | TRUTH
         lengths, speeds = self.rig.legs(self.p, self.q, self.v, self.w)
         m.leg_length_m[:], m.leg_speed_m_s[:] = lengths, speeds
         m.leg_force_n[:] = self.leg_force_n
@@ -117,9 +126,9 @@ class Plate:
         if not self.bare:
             a = a + self.rig.weight_a() + self._noise()
             b = b + self.rig.weight_b(self.q, self.acceleration) + self._noise()
-            felt = self.rig.felt_at_b(self.q, self.acceleration)
-            m.plate_acceleration[:3] = [x + self.noise.gauss(0.0, 7e-4) for x in felt]
-            m.status |= ACCELEROMETER
+            force = self.rig.specific_force_at_b(self.q, self.acceleration)
+            m.plate_acceleration[:3] = [x + self.noise.gauss(0.0, 7e-4) for x in force]
+            m.capabilities |= ACCELEROMETER
         m.sensor_a[:], m.sensor_b[:] = a, b
         # Of the state alone: what stands in front of the legs is filled in later.
         state = bytes(m)[RigMeasurement.leg_length_m.offset :]
@@ -145,7 +154,7 @@ class Port:
         self.publisher = self.measurements.publisher_builder().max_loaned_samples(1).create()
         self.notifier = measurement_bell.notifier_builder().create()
         self.listener = command_bell.listener_builder().create()
-        self.subscriber = self.commands.subscriber_builder().buffer_size(8).create()
+        self.subscriber = self.commands.subscriber_builder().buffer_size(64).create()
 
     def _open(self, service, payload):
         name = iox2.ServiceName.new(service)
@@ -153,7 +162,7 @@ class Port:
             self.node.service_builder(name)
             .publish_subscribe(payload)
             .history_size(1)
-            .subscriber_max_buffer_size(8)
+            .subscriber_max_buffer_size(64)
             .subscriber_max_borrowed_samples(2)
             .max_publishers(1)
             .max_subscribers(4)
@@ -194,18 +203,18 @@ class Port:
             time.sleep(50e-6)
 
 
-def serve(port, desk, lockstep_patience_s, stop):
+def serve(port, end, lockstep_patience_s, stop):
     """Answers until `stop()`."""
     patience_ns = int(lockstep_patience_s * 1e9)
     while not stop():
         command = port.receive()
         now_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
         if command is not None:
-            port.send(desk.command(command, now_ns))
-        elif now_ns >= desk.due_ns(patience_ns):
-            port.send(desk.silence(now_ns))
+            port.send(end.command(command, now_ns))
+        elif now_ns >= end.due_ns(patience_ns):
+            port.send(end.silence(now_ns))
         else:
-            port.wait(min((desk.due_ns(patience_ns) - now_ns) * 1e-9, 0.05))
+            port.wait(min((end.due_ns(patience_ns) - now_ns) * 1e-9, 0.05))
 
 
 def arguments():
@@ -227,13 +236,13 @@ def main():
     """Serves until it is told to end."""
     args = arguments()
     plate = Plate(RigFile(args.rig), args.axis, args.stiffness, args.free_play, args.bare)
-    desk = Desk(plate)
+    end = RigEnd(plate)
     stopped = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.append(True))
-    serve(Port(args.name), desk, args.lockstep_patience, lambda: bool(stopped))
-    if desk.refused:
-        print("refused commands by reason:", desk.refused, file=sys.stderr)
+    serve(Port(args.name), end, args.lockstep_patience, lambda: bool(stopped))
+    if end.refused:
+        print("refused commands by reason:", end.refused, file=sys.stderr)
 
 
 if __name__ == "__main__":

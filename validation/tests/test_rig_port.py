@@ -1,4 +1,4 @@
-"""The rig in Python: layout and judging as docs/rig-protocol.md says, contact as (14)."""
+"""The rig in Python: layout and validation as docs/rig-protocol.md says, contact as (14)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from protocol import (  # noqa: E402
     REFUSED,
     SAFE_STATE,
     TRACK,
-    UNASKED,
-    Desk,
+    UNSOLICITED,
     RigCommand,
+    RigEnd,
     RigMeasurement,
 )
 
@@ -49,7 +49,9 @@ def test_layout_is_that_of_the_page(structure):
 
 
 class Still:
-    """A plant that counts what it is asked for."""
+    """A plant with six legs that counts what it is asked for."""
+
+    legs, pose = 6, False
 
     def __init__(self):
         self.followed, self.left_alone = 0, 0
@@ -64,7 +66,8 @@ class Still:
 
 
 def command(session, tick, mode, **changes):
-    c = RigCommand(protocol_version=2, mode=mode, flags=LOCKSTEP, session=session, tick=tick)
+    c = RigCommand(protocol_version=3, mode=mode, flags=LOCKSTEP, session=session, tick=tick)
+    c.leg_count = 6
     c.loop_time_ns = c.wakeup_ns = tick * MS
     c.period_ns = MS
     for name, value in changes.items():
@@ -73,49 +76,67 @@ def command(session, tick, mode, **changes):
 
 
 SPOILED = [
-    (1, {"protocol_version": 1}),
+    (1, {"protocol_version": 2}),
     (3, {"tick": 1}),
     (4, {"plate_position_m": (ctypes.c_double * 3)(0, math.nan, 0)}),
     (5, {"flags": 0, "wakeup_ns": 10**18}),
     (6, {"mode": 5}),
     (7, {"session": 0}),
     (10, {"period_ns": 9_999}),
+    (4, {"guard_force_n": math.inf}),
+    (11, {"flags": LOCKSTEP | 1 << 2}),
+    (11, {"guard_limits": 1 << 5}),
+    (11, {"leg_count": 7}),
+    (11, {"mechanism_mode": 4}),
+    (11, {"reserved": (ctypes.c_uint64 * 8)(*[0] * 7, 1)}),
+    (12, {"leg_count": 5}),
+    (12, {"leg_count": 0}),
 ]
 
 
 @pytest.mark.parametrize(("reason", "changes"), SPOILED)
 def test_a_refused_command_never_arrives(reason, changes):
-    desk = Desk(Still())
-    desk.command(command(5, 0, IDLE), 0)
-    desk.command(command(5, 1, TRACK), 0)
+    end = RigEnd(Still())
+    end.command(command(5, 0, IDLE), 0)
+    end.command(command(5, 1, TRACK), 0)
     spoiled = command(5, 2, TRACK)
     for name, value in changes.items():
         setattr(spoiled, name, value)
-    m = desk.command(spoiled, 0)
+    m = end.command(spoiled, 0)
     assert m.refusal == reason and m.status & REFUSED and m.status & SAFE_STATE
-    assert desk.plant.followed == 2
+    assert end.plant.followed == 2
     # Held until an idle command of a new session.
     for tick, mode in [(3, TRACK), (4, IDLE)]:
-        assert desk.command(command(5, tick, mode), 0).status & SAFE_STATE
-    assert desk.plant.followed == 2
-    assert not desk.command(command(6, 0, IDLE), 0).status & SAFE_STATE
+        assert end.command(command(5, tick, mode), 0).status & SAFE_STATE
+    assert end.plant.followed == 2
+    assert not end.command(command(6, 0, IDLE), 0).status & SAFE_STATE
+
+
+def test_a_rig_that_takes_poses_needs_no_legs():
+    end = RigEnd(Still())
+    end.plant.legs, end.plant.pose = 0, True
+    end.command(command(5, 0, IDLE), 0)
+    m = end.command(command(5, 1, TRACK, leg_count=0), 0)
+    assert not m.refusal and m.capabilities == 1 << 1 and end.plant.followed == 2
+    # Leg values that nobody looks at do no harm.
+    assert not end.command(command(5, 2, TRACK), 0).refusal
 
 
 def test_silence_ends_in_the_safe_state():
-    desk = Desk(Still())
-    desk.command(command(5, 0, IDLE, flags=0), 0)
-    assert desk.due_ns(0) == math.inf
-    desk.command(command(5, 1, HOLD, flags=0, wakeup_ns=0), 3 * MS)
-    assert desk.due_ns(0) == 13 * MS
-    m = desk.silence(13 * MS)
-    assert m.status & SAFE_STATE and m.status & UNASKED and m.tick == 1
-    assert desk.due_ns(0) == 14 * MS
+    end = RigEnd(Still())
+    end.command(command(5, 0, IDLE, flags=0), 0)
+    assert end.due_ns(0) == math.inf
+    end.command(command(5, 1, HOLD, flags=0, wakeup_ns=0), 3 * MS)
+    assert end.due_ns(0) == 13 * MS
+    m = end.silence(13 * MS)
+    assert m.status & SAFE_STATE and m.status & UNSOLICITED and m.tick == 1
+    assert end.due_ns(0) == 14 * MS
 
 
 def test_a_session_begins_with_idle():
-    desk = Desk(Still())
-    assert desk.command(command(5, 0, TRACK), 0).status & SAFE_STATE
-    assert desk.plant.followed == 0
+    end = RigEnd(Still())
+    assert end.command(command(5, 0, TRACK), 0).status & SAFE_STATE
+    assert end.plant.followed == 0
 
 
 def test_the_contact_is_a_spring_beyond_its_free_play():
@@ -137,7 +158,7 @@ def test_the_contact_is_a_spring_beyond_its_free_play():
         np.testing.assert_allclose(f3[3:], np.cross(x_34[0], f3[:3]), atol=1e-9)
 
 
-def test_sensors_of_steel_feel_the_weight():
+def test_sensors_of_steel_measure_the_weight():
     pytest.importorskip("iceoryx2")
     from rig import Plate
 
@@ -145,5 +166,5 @@ def test_sensors_of_steel_feel_the_weight():
     m = plate.alone(MS)
     # 240 kg on the rack and 200 kg on the plate, gravity along -X; noise of 0.3 N.
     assert abs(m.sensor_a[0] + 240 * 9.81) < 3 and abs(m.sensor_b[0] + 200 * 9.81) < 3
-    # An accelerometer at rest feels what holds it up.
+    # An accelerometer at rest measures what holds it up.
     np.testing.assert_allclose(m.plate_acceleration, [9.81, 0, 0, 0, 0, 0], atol=5e-3)

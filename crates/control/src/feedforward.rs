@@ -4,8 +4,8 @@
 //! its rate of change over `K_h` is what the oil takes up, its size times `K_ce/A²` what leaks.
 //!
 //! Every path has its own time. Length and force are compared with what is measured in the same
-//! sample, so they belong to the moment of arrival; flow passes the valve late, so it is asked for
-//! ahead by [`LegTuning::valve_delay_s`].
+//! sample, so they belong to the moment of arrival; flow passes the valve late, so it is commanded
+//! ahead by [`LegTuning::valve_delay_s`] ([`PathTimes`]).
 
 use docktwin_core::{Pose, Twist, Wrench};
 use docktwin_physics::{
@@ -88,7 +88,7 @@ impl PlateMotion {
     }
 }
 
-/// What one leg is asked for.
+/// What one leg is commanded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LegCommand {
     /// Length from joint to joint, m.
@@ -101,7 +101,7 @@ pub struct LegCommand {
     pub force_n: f64,
 }
 
-/// What the rig is asked for in a tick.
+/// What the rig is commanded in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RigCommand {
     /// The legs.
@@ -110,6 +110,38 @@ pub struct RigCommand {
     pub x_bp: Pose,
     /// Its twist.
     pub twist: Twist,
+}
+
+/// By how much later than the moment of arrival the instants of the other paths are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PathTimes {
+    /// Of the flow, s: the delay of the valves.
+    pub flow_ahead_s: f64,
+    /// Of the force, s.
+    pub force_ahead_s: f64,
+}
+
+/// What was identified of the legs, to be undone by their commands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegCorrections {
+    /// Speed at which each leg creeps with its valve at zero, m/s: null bias over flow gain.
+    pub bias_m_s: [f64; 6],
+    /// Flow gain of each valve over what its controller believes.
+    pub flow_gain: [f64; 6],
+}
+
+impl LegCorrections {
+    /// The flow to command leg `i`, m/s, so that it gets `flow_speed_m_s`.
+    #[must_use]
+    pub fn flow_speed_m_s(&self, i: usize, flow_speed_m_s: f64) -> f64 {
+        (flow_speed_m_s - self.bias_m_s[i]) / self.flow_gain[i]
+    }
+}
+
+impl Default for LegCorrections {
+    fn default() -> Self {
+        Self { bias_m_s: [0.0; 6], flow_gain: [1.0; 6] }
+    }
 }
 
 /// Why a motion cannot be commanded.
@@ -151,6 +183,12 @@ impl Feedforward {
         self.valve_delay_s.iter().sum::<f64>() / 6.0
     }
 
+    /// Times of the paths: the flow is ahead by the valves' delay, the force is of the moment of arrival.
+    #[must_use]
+    pub fn path_times(&self) -> PathTimes {
+        PathTimes { flow_ahead_s: self.valve_delay_s(), force_ahead_s: 0.0 }
+    }
+
     /// Force that every leg's oil must push with, N, friction apart.
     fn forces(&self, c: &Configuration, m: &PlateMotion) -> Result<[f64; 6], MotionError> {
         let mut f = self
@@ -169,21 +207,34 @@ impl Feedforward {
     /// # Errors
     /// See [`MotionError`].
     pub fn command(&self, motion: &PlateMotion) -> Result<RigCommand, MotionError> {
-        self.command_at(motion, &motion.ahead(self.valve_delay_s()))
+        self.command_paths(motion, None, None)
     }
 
-    /// Commands for a motion known at the moment of arrival and, from a predictor, later by
-    /// [`Feedforward::valve_delay_s`].
+    /// Commands for a motion known at the moment of arrival, and, where a predictor gives them, at the
+    /// times of the flow and of the force ([`Feedforward::path_times`]). Without, the flow is carried on
+    /// from the arrival with constant jerk, and the force is that of the arrival.
     ///
     /// # Errors
     /// See [`MotionError`].
-    pub fn command_at(
+    pub fn command_paths(
         &self,
         arrival: &PlateMotion,
-        valve: &PlateMotion,
+        flow: Option<&PlateMotion>,
+        force: Option<&PlateMotion>,
     ) -> Result<RigCommand, MotionError> {
+        let carried_on;
+        let valve = match flow {
+            Some(flow) => flow,
+            None => {
+                carried_on = arrival.ahead(self.valve_delay_s());
+                &carried_on
+            }
+        };
         let at = self.platform.at(&arrival.x_bp);
-        let force = self.forces(&at, arrival)?;
+        let force = match force {
+            Some(motion) => self.forces(&self.platform.at(&motion.x_bp), motion)?,
+            None => self.forces(&at, arrival)?,
+        };
         let rates = at.rates(&arrival.twist);
         let (before, after) = (valve.ahead(-FORCE_RATE_SPAN), valve.ahead(FORCE_RATE_SPAN));
         let f0 = self.forces(&self.platform.at(&before.x_bp), &before)?;

@@ -7,7 +7,7 @@
 //!
 //! No clock, no file, no physics engine; what runs in the loop does not allocate.
 
-pub mod compensator;
+pub mod compensation;
 pub mod excitation;
 pub mod feedforward;
 pub mod filter;

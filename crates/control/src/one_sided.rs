@@ -18,12 +18,12 @@ type C = Complex<f64>;
 pub struct FrequencyPoint {
     /// Frequency, Hz.
     pub hz: f64,
-    /// From wanted to had; late is a negative phase.
+    /// From commanded to achieved; late is a negative phase.
     pub response: C,
 }
 
 /// `e^(−sτ) (1 + b₁s + b₂s²) / (1 + a₁s + a₂s²)`: gain 1 at rest, because a rig stands where it is
-/// told to.
+/// commanded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interface {
     /// τ, s.

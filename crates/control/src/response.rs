@@ -3,7 +3,7 @@
 //!
 //! Degrees of freedom are X, Y, Z, roll, pitch, yaw of `e4` against `e3`, in axes of `e3`:
 //! displacement of the origin of `e4` (m) and rotation vector (rad) from the pose it swings about. The
-//! response is taken from the pose that is asked for to the pose the plate really has, so dead time,
+//! response is taken from the pose that is commanded to the pose the plate really has, so dead time,
 //! feed-forward and friction are in it.
 
 use core::f64::consts::TAU;
@@ -194,7 +194,8 @@ impl Bench {
             let arrival = self.motion(&platform, dof, signal(time(tick)));
             let command = if self.foreseen {
                 let later = time(tick) + forward.valve_delay_s();
-                forward.command_at(&arrival, &self.motion(&platform, dof, signal(later)))?
+                let valve = self.motion(&platform, dof, signal(later));
+                forward.command_paths(&arrival, Some(&valve), None)?
             } else {
                 forward.command(&arrival)?
             };

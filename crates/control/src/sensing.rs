@@ -32,7 +32,7 @@ pub struct Readings {
     pub a: Wrench,
     /// Sensor B.
     pub b: Wrench,
-    /// Displacement of the ring, m, in `e3`; zero where the mechanism does not tell.
+    /// Displacement of the ring, m, in `e3`; zero where the mechanism does not measure it.
     pub ring: DVec3,
 }
 
@@ -42,7 +42,7 @@ pub struct Conditioning {
     scheme: SensorScheme,
     /// What sensor B carries, as believed.
     payload: Payload,
-    /// Weight of the ring, N, in `e3`: sensor A feels by its moment where the ring is.
+    /// Weight of the ring, N, in `e3`: its moment at sensor A goes with where the ring is.
     ring_weight: DVec3,
     tare: Readings,
     sum: Readings,
@@ -55,6 +55,12 @@ impl Conditioning {
     pub fn new(scheme: SensorScheme, payload: Payload, ring_weight: DVec3) -> Self {
         let (tare, sum) = (Readings::default(), Readings::default());
         Self { scheme, payload, ring_weight, tare, sum, samples: 0 }
+    }
+
+    /// What the sensors read with nothing touching, as of the last tare: of B less what it carries.
+    #[must_use]
+    pub const fn reference(&self) -> &Readings {
+        &self.tare
     }
 
     /// Takes a sample for the tare; nothing touches.
@@ -141,8 +147,8 @@ mod tests {
         assert!(ports.port4.f.length() < 1e-9 && ports.port4.m.length() < 1e-9);
         // Accelerometers say the same without knowing where down is.
         let [v, w] = moving.feels();
-        let felt = Carried::felt(v, w, moving.rate);
-        let ports = c.ports(&read(&moving), &Pose::IDENTITY, &felt);
+        let by_accelerometers = Carried::felt(v, w, moving.rate);
+        let ports = c.ports(&read(&moving), &Pose::IDENTITY, &by_accelerometers);
         assert!(ports.port4.f.length() < 1e-9 && ports.port4.m.length() < 1e-9);
     }
 
@@ -150,15 +156,15 @@ mod tests {
     #[test]
     fn oracle_a_ring_aside_weighs_the_same() {
         let weight = DVec3::new(-390.0, 3.0, 0.0);
-        let feels = |ring: DVec3| Readings {
+        let reads = |ring: DVec3| Readings {
             a: Wrench { f: weight, m: (DVec3::X * 0.4 + ring).cross(weight) },
             ring,
             ..Readings::default()
         };
         let mut c = Conditioning::new(SensorScheme::Single, Payload::NONE, weight);
-        c.tare_sample(&feels(DVec3::new(-0.01, 0.0, 0.001)), &Carried::default());
+        c.tare_sample(&reads(DVec3::new(-0.01, 0.0, 0.001)), &Carried::default());
         c.tare();
-        let aside = feels(DVec3::new(-0.02, 0.015, -0.01));
+        let aside = reads(DVec3::new(-0.02, 0.015, -0.01));
         let ports = c.ports(&aside, &Pose::IDENTITY, &Carried::default());
         assert!(ports.port3.f.length() < 1e-12 && ports.port3.m.length() < 1e-12);
     }

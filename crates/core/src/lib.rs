@@ -11,13 +11,15 @@
 //!
 //! This crate sees no file, no clock and no physics engine.
 
+mod contact;
 mod digest;
 mod euler;
 mod frames;
 mod time;
 
+pub use contact::{CONTACT_GAP_NS, ContactChange, ContactSpan, PORT_CONTACT_N};
 pub use digest::{Digest, StateHasher};
 pub use euler::{Euler, EulerRates};
 pub use frames::{Pose, Twist, Wrench, inertia_world, skew};
 pub use glam::{DMat3, DQuat, DVec3};
-pub use time::{SimTime, Tick};
+pub use time::{PERIOD_NS, SimTime, Tick};

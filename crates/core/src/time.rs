@@ -1,5 +1,8 @@
 use serde::{Deserialize, Serialize};
 
+/// Period of the loop with a rig, ns: 1 kHz.
+pub const PERIOD_NS: u64 = 1_000_000;
+
 /// Number of a tick of the scheduler (1 ms by default), counted from the start of the run.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,

@@ -3,8 +3,8 @@
 use std::{path::Path, process::ExitCode};
 
 use docktwin::viewer_file::ViewerFile;
-use docktwin_hil::rig::Rig;
 use docktwin_record::{Outcome, Summary, Verdict};
+use docktwin_rigport::rig::Rig;
 use docktwin_run::{
     HilOptions, HilRun, RunDirectory, RunError, Sink,
     rig_place::{ClockKind, RigPlace, connect},

@@ -7,7 +7,7 @@
 //! Mass, mass centre and inertia enter the wrench linearly; the time by which the reading is later
 //! than the motion turns its phase, and all sines together give one time.
 //!
-//! Sensor A stands still and feels no motion. Its lateness is that of B and what the two differ by in
+//! Sensor A stands still and measures no motion. Its lateness is that of B and what the two differ by in
 //! the same touch: with a light stick in its frame, on the third harmonic of a sine that strikes both
 //! ends, where the plate's inertia is next to nothing.
 
@@ -21,14 +21,16 @@ use docktwin_control::{
 use docktwin_core::{DMat3, DQuat, DVec3, Pose, Twist, Wrench};
 use docktwin_model::{RigSensors, SixAxisSensor};
 use docktwin_physics::mounted::{Carried, Payload};
+use docktwin_rigport::{
+    message::{Capabilities, six, wrench},
+    rig::Rig,
+};
 use nalgebra::{Complex, DMatrix, DVector, SVector};
 
 use crate::{
     clock::Clock,
     drive::{Drive, DriveError, Sample},
     identify::sensor_interface,
-    port::{six, status, wrench},
-    rig::Rig,
 };
 
 type C = Complex<f64>;
@@ -78,17 +80,22 @@ pub enum CalibrateError {
     /// The drive ended.
     #[error(transparent)]
     Drive(#[from] DriveError),
+    /// A force sensor is missing.
+    #[error(
+        "the rig has no sensor A, or no sensor B (capability bits 12 and 13): both are calibrated"
+    )]
+    NoSensor,
     /// Too few measurements.
     #[error("too few measurements came of a motion: see what delays the rig or the loop")]
     TooFew,
     /// The readings do not follow the motion.
     #[error(
-        "sensor B does not feel the motion of the plate: see that it is alive and carries something"
+        "sensor B does not measure the motion of the plate: see that it is alive and carries something"
     )]
     Blind,
     /// The accelerometers do not.
     #[error(
-        "axis {axis} of the accelerometers feels {gain:.2} times what the plate does: see their axes, \
+        "axis {axis} of the accelerometers reads {gain:.2} times the motion of the plate: see their axes, \
          signs and units"
     )]
     Accelerometer {
@@ -98,7 +105,9 @@ pub enum CalibrateError {
         gain: f64,
     },
     /// The touch was none.
-    #[error("the touch was not felt by both sensors: take a larger amplitude, or see the stick")]
+    #[error(
+        "the touch was not measured by both sensors: take a larger amplitude, or see the stick"
+    )]
     NoTouch,
 }
 
@@ -165,14 +174,14 @@ struct Swing {
     a: [C; 6],
     b: [C; 6],
     /// Accelerometers, where there are any.
-    felt: Option<[C; 6]>,
+    accelerations: Option<[C; 6]>,
 }
 
 const SETTLE_S: f64 = 0.5;
 const REST_S: f64 = 1.0;
 /// Time at which a sine is looked at, s.
 const SINE_S: f64 = 4.0;
-/// Multiples of a sine that are told apart.
+/// Multiples of a sine that are separated.
 const MULTIPLES: usize = 5;
 /// Rounds in which lateness and masses settle on each other.
 const ROUNDS: u32 = 8;
@@ -232,7 +241,7 @@ fn swing<R: Rig, K: Clock>(
     multiple: usize,
 ) -> Result<Swing, CalibrateError> {
     let mut h = Harmonic::<24>::new(TAU * sine.hz, MULTIPLES);
-    let mut feels = true;
+    let mut measured = true;
     let window = sine.ramp_s + SETTLE_S..sine.ramp_s + sine.steady_s;
     drive.run(
         sine.duration_s(),
@@ -244,7 +253,7 @@ fn swing<R: Rig, K: Clock>(
                 x[6..12].copy_from_slice(&s.measurement.sensor_a);
                 x[12..18].copy_from_slice(&s.measurement.sensor_b);
                 x[18..].copy_from_slice(&s.measurement.plate_acceleration);
-                feels &= s.measurement.has(status::ACCELEROMETER);
+                measured &= s.measurement.has(Capabilities::ACCELEROMETER);
                 h.push(s.time_s, &x);
             }
         },
@@ -254,8 +263,8 @@ fn swing<R: Rig, K: Clock>(
     #[expect(clippy::cast_precision_loss, reason = "1 or 3")]
     let rate_rad_s = TAU * sine.hz * multiple as f64;
     let take = |from: usize| core::array::from_fn(|i| x[from + i]);
-    let felt = feels.then(|| take(18));
-    Ok(Swing { rate_rad_s, motion: take(0), a: take(6), b: take(12), felt })
+    let accelerations = measured.then(|| take(18));
+    Ok(Swing { rate_rad_s, motion: take(0), a: take(6), b: take(12), accelerations })
 }
 
 /// Means at rest: readings of A and B, and `X_34`.
@@ -286,6 +295,9 @@ pub fn calibrate<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     setup: &CalibrateSetup,
 ) -> Result<Calibration, CalibrateError> {
+    if !drive.capabilities().contains(Capabilities::SENSOR_A | Capabilities::SENSOR_B) {
+        return Err(CalibrateError::NoSensor);
+    }
     let rig = drive.setup().rig.clone();
     let gravity_4 = |x_34: &Pose| (rig.x_b0 * rig.x_03 * *x_34).q.conjugate() * rig.gravity_m_s2;
     let place = setup.place;
@@ -310,7 +322,9 @@ pub fn calibrate<R: Rig, K: Clock>(
     let force = &setup.sensors.force;
     let known = solve(&still, &swings, place.q, g4, force)?;
     let accelerometer_delay_s = match &setup.sensors.accelerometer {
-        Some(file) => felt_late_s(&swings, place.q, g4, file)?.map(|late_s| file.delay_s + late_s),
+        Some(file) => {
+            accelerometers_late_s(&swings, place.q, g4, file)?.map(|late_s| file.delay_s + late_s)
+        }
         None => None,
     };
     let mut out = Calibration {
@@ -340,8 +354,8 @@ struct Known {
 /// By how much later than their own lag the accelerometers are, s, from all sines together.
 ///
 /// # Errors
-/// One of them feels something else than the plate's motion.
-fn felt_late_s(
+/// One of them measures something else than the plate's motion.
+fn accelerometers_late_s(
     swings: &[Swing],
     q_34: DQuat,
     g4: DVec3,
@@ -350,13 +364,13 @@ fn felt_late_s(
     let (mut across, mut square) = (0.0, 0.0);
     let (mut along, mut squares) = ([0.0; 6], [0.0; 6]);
     for s in swings {
-        let (w, Some(felt)) = (s.rate_rad_s, s.felt) else { return Ok(None) };
-        let feels = s.carried(q_34, g4).map(|c| {
+        let (w, Some(read)) = (s.rate_rad_s, s.accelerations) else { return Ok(None) };
+        let moves = s.carried(q_34, g4).map(|c| {
             let [v, w] = c.feels();
             six(v, w)
         });
-        for (i, read) in unlagged(&felt, w, file, 0.0).into_iter().enumerate() {
-            let m = C::new(feels[0][i], feels[1][i]);
+        for (i, read) in unlagged(&read, w, file, 0.0).into_iter().enumerate() {
+            let m = C::new(moves[0][i], moves[1][i]);
             across -= w * (m.conj() * read).im;
             square += w * w * m.norm_sqr();
             along[i] += (m.conj() * read).re;

@@ -1,6 +1,8 @@
 //! The clock of the loop: a grid of ticks, driven by the machine's time or by nothing but the loop.
 
-use crate::realtime::{monotonic_ns, sleep_until_ns};
+use docktwin_rigport::clock::monotonic_ns;
+
+use crate::realtime::sleep_until_ns;
 
 /// What to do with ticks whose time has passed before they could begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,8 +42,8 @@ pub struct ClockCounts {
 
 /// What wakes the loop once a tick. Nothing here allocates, locks or logs.
 pub trait Clock {
-    /// True when time stands still while the loop works: a run is then deterministic, and a rig is
-    /// told so by [`crate::port::flag::LOCKSTEP`].
+    /// True when time stands still while the loop works: a run is then deterministic, and a rig knows by
+    /// [`docktwin_rigport::message::Flags::LOCKSTEP`].
     const LOCKSTEP: bool;
 
     /// Between two ticks, ns.

@@ -1,23 +1,26 @@
-//! A rig that is led through motions with nothing in its way: what identification and calibration
+//! A rig that is driven through motions with nothing in its way: what identification and calibration
 //! share. It has a session of its own, the clock it is given, and its own supervisor; a rig in process
 //! and a rig of steel are driven alike.
 
 use core::time::Duration;
 
 use docktwin_control::{
-    feedforward::{Feedforward, MotionError, PlateMotion},
+    feedforward::{Feedforward, LegCorrections, MotionError, PlateMotion},
     planner::Move,
     safety::{SafetyLimits, Supervisor, Trip, Watched, half_widths},
 };
-use docktwin_core::{DVec3, Pose};
+use docktwin_core::{Pose, Wrench};
 use docktwin_model::Rig as RigModel;
 use docktwin_physics::{platform::Platform, programme::RelativeMotion};
+use docktwin_rigport::{
+    guard::Guard,
+    message::{Capabilities, RigCommand, RigMeasurement, RigMode, Status, wrench},
+    rig::{Rig, RigError},
+};
 
 use crate::{
     clock::Clock,
-    port::{RigCommand, RigMeasurement, RigMode, largest, status, wrench},
-    rig::{Rig, RigError},
-    scheduler::LegCorrections,
+    commands::{Form, Motion, guard, largest, least, still, write_motion},
 };
 
 /// What a drive needs.
@@ -25,7 +28,7 @@ use crate::{
 pub struct DriveSetup {
     /// The rig as its file says.
     pub rig: RigModel,
-    /// What every leg is told, by what is believed of them.
+    /// What every leg is commanded, by what is believed of them.
     pub feedforward: Feedforward,
     /// What was identified of every leg before and is to be undone.
     pub corrections: LegCorrections,
@@ -48,8 +51,17 @@ pub enum DriveError {
     /// It does not get ready.
     #[error("the rig does not get ready: clear its fault, release its emergency stop, reset it")]
     NotReady,
+    /// It takes nothing that a drive could command, or does not measure what it must.
+    #[error(
+        "the rig takes neither the values of six legs nor the plate's pose, or has no sensor A: see the \
+         capability bits of the protocol page"
+    )]
+    Interface,
     /// It stands in no pose.
-    #[error("the leg lengths belong to no pose: check the length sensors and the rig's file")]
+    #[error(
+        "the leg lengths belong to no pose, or neither lengths nor a pose are measured: check the length \
+         sensors and the rig's file"
+    )]
     Pose,
     /// The motion cannot be commanded.
     #[error(transparent)]
@@ -98,7 +110,7 @@ const RETRACT_RESTS_M: f64 = 2e-4;
 /// Commanded poses kept for the tracking error: the command before last is of the present instant.
 const PAST: usize = 3;
 
-/// A rig on the lead.
+/// A rig that is driven.
 #[derive(Debug)]
 pub struct Drive<R, K> {
     setup: DriveSetup,
@@ -107,13 +119,15 @@ pub struct Drive<R, K> {
     clock: K,
     supervisor: Supervisor,
     tick: u64,
-    /// Where it is told to be at rest.
+    /// Where it is commanded to be at rest.
     at: Pose,
     x_bp: Pose,
     past: [Pose; PAST],
     last: RigMeasurement,
     /// Sensor A before the first motion.
-    untouched: Option<DVec3>,
+    untouched: Option<Wrench>,
+    form: Form,
+    guard: Guard,
     without: u32,
 }
 
@@ -143,15 +157,20 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             past: [x_bp; PAST],
             last: RigMeasurement::zero(),
             untouched: None,
+            form: Form::Legs,
+            guard: Guard::NONE,
             without: 0,
         };
         out.clock.start();
         for _ in 0..SESSIONS {
             if out.gets_ready()? {
+                out.form = Form::of(&out.last).ok_or(DriveError::Interface)?;
                 out.look()?;
                 out.at = out.platform.docking_from_plate(&out.x_bp);
                 out.past = [out.x_bp; PAST];
-                out.untouched = Some(wrench(&out.last.sensor_a).f);
+                out.untouched = Some(wrench(&out.last.sensor_a));
+                let s = &out.setup;
+                out.guard = guard(&s.rig, &s.limits, out.last.capabilities, out.untouched);
                 return Ok(out);
             }
             // A rig leaves its safe state with a new session only.
@@ -166,7 +185,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         for i in 0..READY_TICKS {
             let mode = if i < REST_TICKS { RigMode::Idle } else { RigMode::Hold };
             let fresh = self.still(mode)?;
-            let fit = self.last.has(status::ENABLED) && !self.left();
+            let fit = self.last.is(Status::ENABLED) && !self.left();
             ready = if fresh && fit && i > REST_TICKS { ready + 1 } else { 0 };
             if ready > REST_TICKS {
                 return Ok(true);
@@ -190,13 +209,21 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         self.setup.corrections = corrections;
     }
 
+    /// What the rig takes and measures, as its last measurement says.
+    #[must_use]
+    pub const fn capabilities(&self) -> Capabilities {
+        self.last.capabilities
+    }
+
     fn left(&self) -> bool {
-        let m = &self.last;
-        m.has(status::SAFE_STATE) || m.has(status::EMERGENCY_STOP) || m.has(status::LIMIT_SWITCH)
+        let left = Status::SAFE_STATE | Status::EMERGENCY_STOP | Status::LIMIT_SWITCH;
+        self.last.status.intersects(left)
     }
 
     fn blank(&self, mode: RigMode, due_ns: u64) -> RigCommand {
-        RigCommand::still(&self.clock, mode, self.setup.session, self.tick, due_ns)
+        let mut c = still(&self.clock, mode, self.setup.session, self.tick, due_ns);
+        self.guard.write(&mut c);
+        c
     }
 
     /// Waits for the next tick and takes what there is: when it was due, and whether there was
@@ -236,7 +263,9 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         let plate = PlateMotion::of_docking(&self.platform, &m.x_34, &rates);
         let legs = self.setup.feedforward.command(&plate)?.legs;
         let mut out = self.blank(RigMode::Track, due_ns);
-        out.ask(&plate, &legs, &self.setup.corrections);
+        let times = self.setup.feedforward.path_times();
+        let motion = Motion { legs, arrival: plate, external: Wrench::ZERO };
+        write_motion(&mut out, self.form, &motion, &self.setup.corrections, times);
         self.past.rotate_right(1);
         self.past[0] = plate.x_bp;
         Ok(out)
@@ -244,8 +273,12 @@ impl<R: Rig, K: Clock> Drive<R, K> {
 
     /// Finds the plate in the last measurement.
     fn look(&mut self) -> Result<(), DriveError> {
-        let found = self.platform.forward(&self.last.leg_length_m, &self.x_bp);
-        self.x_bp = found.map_err(|_| DriveError::Pose)?.x_bp;
+        let found = if self.last.has(Capabilities::LEG_LENGTH) {
+            self.platform.forward(&self.last.leg_length_m, &self.x_bp).ok().map(|f| f.x_bp)
+        } else {
+            self.last.plate()
+        };
+        self.x_bp = found.ok_or(DriveError::Pose)?;
         Ok(())
     }
 
@@ -257,28 +290,32 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         let m = &self.last;
         let apart = self.past[1].inverse() * self.x_bp;
         let turned = apart.q.to_scaled_axis().length() * self.platform.plate_radius_m();
-        let margins = self.platform.stroke_margins_m(&m.leg_length_m);
-        let changed = self.untouched.map_or(0.0, |f| (wrench(&m.sensor_a).f - f).length());
+        let legs = |bit, x: &[f64; 6]| m.has(bit).then_some(*x);
+        let lengths = legs(Capabilities::LEG_LENGTH, &m.leg_length_m)
+            .unwrap_or_else(|| self.platform.at(&self.x_bp).length_m);
+        let speeds = legs(Capabilities::LEG_SPEED, &m.leg_speed_m_s)
+            .or_else(|| m.plate_twist().map(|t| self.platform.at(&self.x_bp).rates(&t)));
+        let changed = self.untouched.map_or(0.0, |w| (wrench(&m.sensor_a).f - w.f).length());
         Watched {
-            stroke_margin_m: margins.into_iter().fold(f64::INFINITY, f64::min),
-            leg_speed_m_s: largest(&m.leg_speed_m_s),
-            leg_force_n: largest(&m.leg_force_n),
-            force_n: changed,
-            moment_nm: 0.0,
+            stroke_margin_m: least(&self.platform.stroke_margins_m(&lengths)),
+            leg_speed_m_s: speeds.map_or(0.0, |v| largest(&v)),
+            leg_force_n: legs(Capabilities::LEG_FORCE, &m.leg_force_n).map(|f| largest(&f)),
+            port_force_n: changed,
+            port_moment_nm: 0.0,
             pose_half_widths: half_widths(
                 &self.setup.rig,
                 &self.platform.docking_from_plate(&self.x_bp),
             ),
-            tracking_m: apart.p.length().max(turned),
+            tracking_error_m: apart.p.length().max(turned),
             ticks_without: self.without,
-            rig_left: self.left() || !m.has(status::ENABLED),
-            saturated: m.status & (status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED) != 0,
+            rig_left: self.left() || !m.is(Status::ENABLED),
+            saturated: m.status.intersects(Status::SENSOR_A_SATURATED | Status::SENSOR_B_SATURATED),
             // Whether a sensor is alive is what is being found out.
             ticks_frozen: 0,
         }
     }
 
-    /// Leads the rig along `motion` (by its own time, s) for `duration_s`, and gives every measurement
+    /// Drives the rig along `motion` (by its own time, s) for `duration_s`, and gives every measurement
     /// to `take`. It must begin where the rig was left, and end at rest. On an error the rig is
     /// stopped.
     ///
@@ -368,7 +405,8 @@ impl<R: Rig, K: Clock> Drive<R, K> {
                 self.look()?;
             }
             // Nothing was commanded that it could be off, and a run may have ended outside.
-            let watched = Watched { tracking_m: 0.0, pose_half_widths: 0.0, ..self.watched() };
+            let watched =
+                Watched { tracking_error_m: 0.0, pose_half_widths: 0.0, ..self.watched() };
             self.judge(&watched)?;
             if i % RETRACT_LOOK == 0 {
                 let moved = was.inverse() * self.x_bp;
@@ -376,7 +414,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
                 was = self.x_bp;
                 // It begins gently, and latches take their time to open.
                 if i > 2 * RETRACT_LOOK && moved.p.length().max(turned_m) < RETRACT_RESTS_M {
-                    if !self.last.joined() {
+                    if !self.last.is_held() {
                         self.past = [self.x_bp; PAST];
                         self.at = self.platform.docking_from_plate(&self.x_bp);
                         return Ok(self.at);
@@ -388,7 +426,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
                 }
             }
         }
-        Err(if self.last.joined() { DriveError::Joined } else { DriveError::Restless })
+        Err(if self.last.is_held() { DriveError::Joined } else { DriveError::Restless })
     }
 
     fn halt(&mut self) -> Result<(), DriveError> {

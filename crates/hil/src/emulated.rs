@@ -7,7 +7,7 @@
 use docktwin_control::{
     feedforward::{self, Feedforward, LegCommand, PlateMotion},
     planner::Move,
-    rig::{ClosedRig, RigSetup, SetupError, TICK_S},
+    rig::{ClosedRig, RigMeasurement as RigReading, RigSetup, SetupError, TICK_S},
 };
 use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::{HydraulicPreset, Rig, RigSensors, SixAxisSensor};
@@ -18,10 +18,12 @@ use docktwin_physics::{
     rig::{ReducedRig, RigPlant},
     sensor::{Noise, Pair, Sensor, SensorParameters, quantised},
 };
-
-use crate::{
-    port::{RigCommand, RigMeasurement, RigMode, six, status},
-    rig::Plant,
+use docktwin_rigport::{
+    message::{
+        Capabilities, DriveKind, LEGS, RigCommand, RigMeasurement, RigMode, Status, attitude, six,
+        wrench,
+    },
+    rig::{CommandForm, Plant},
 };
 
 /// Streams of draws; the legs have 0 to 5, the rig 6; sensors A, B and the accelerometers this one and
@@ -162,13 +164,13 @@ impl<P: RigPlant> EmulatedRig<P> {
         };
         let mounted = Mounted::new(system, rig, step_s);
         let still = Twist::default();
-        let felt = Self::felt(&carried, &mounted, &x_bp, &still, &still);
+        let carries = Self::on_sensors(&carried, &mounted, &x_bp, &still, &still);
         let sensor = |i: usize, file: SixAxisSensor, noise: u64| {
             let as_built = built.map_or_else(
                 || SensorParameters::of_file(file),
                 |seed| SensorParameters::drawn(file, seed, SENSOR_STREAM + i as u64),
             );
-            Sensor::new(as_built, step_s, Noise::new(seed, NOISE_STREAM + noise), felt[i])
+            Sensor::new(as_built, step_s, Noise::new(seed, NOISE_STREAM + noise), carries[i])
         };
         Ok(Self {
             feedforward: setup.feedforward(),
@@ -188,9 +190,9 @@ impl<P: RigPlant> EmulatedRig<P> {
         })
     }
 
-    /// What sensors A and B feel of weight and inertia, and what accelerometers beside B feel;
+    /// Wrenches of weight and inertia on sensors A and B, and what accelerometers beside B measure;
     /// acceleration of the origin of `ep`, in `eb`.
-    fn felt(
+    fn on_sensors(
         carried: &OnSensors,
         mounted: &Mounted,
         x_bp: &Pose,
@@ -251,6 +253,21 @@ impl<P: RigPlant> EmulatedRig<P> {
         };
         self.commanded = motion;
         // A pose that cannot be held is not left by force: the legs keep their last command.
+        self.feedforward.command(&motion).ok()
+    }
+
+    /// What the legs are to do for a command of the plate's motion; `before` is the acceleration of the
+    /// command before.
+    fn by_pose(&mut self, c: &RigCommand, before: Twist) -> Option<feedforward::RigCommand> {
+        let [x, y, z, a, b, g] = c.plate_acceleration;
+        let acceleration = Twist { v: DVec3::new(x, y, z), w: DVec3::new(a, b, g) };
+        let jerk = Twist {
+            v: (acceleration.v - before.v) / TICK_S,
+            w: (acceleration.w - before.w) / TICK_S,
+        };
+        self.commanded.acceleration = acceleration;
+        let external = wrench(&c.plate_wrench);
+        let motion = PlateMotion { acceleration, jerk, external, ..self.commanded };
         self.feedforward.command(&motion).ok()
     }
 
@@ -317,19 +334,20 @@ impl<P: RigPlant> EmulatedRig<P> {
             let (new, old) = (slope(twist, &middle[0]), slope(&middle[0], &middle[1]));
             let acceleration = Twist { v: new.v * 1.5 - old.v * 0.5, w: new.w * 1.5 - old.w * 0.5 };
             *middle = [*twist, middle[0]];
-            let [a, b, felt] = Self::felt(carried, mounted, x_bp, twist, &acceleration);
+            let [a, b, accelerations] =
+                Self::on_sensors(carried, mounted, x_bp, twist, &acceleration);
             let [at_3, at_4] = [ports.port3, ports.port4];
             sensors[0].step([at_3.f + a[0], at_3.m + a[1]]);
             sensors[1].step([at_4.f + b[0], at_4.m + b[1]]);
             if let Some(s) = accelerometer {
-                s.step(felt);
+                s.step(accelerations);
             }
             on_plate
         });
         self.time_s += TICK_S;
         let mut m = self.measure();
         if done.is_ok() {
-            m.status |= status::ENABLED;
+            m.status |= Status::ENABLED;
         }
         m
     }
@@ -346,57 +364,23 @@ impl<P: RigPlant> EmulatedRig<P> {
     }
 
     fn measure(&mut self) -> RigMeasurement {
+        let mut m = RigMeasurement {
+            capabilities: HOLDS,
+            drive: DriveKind::Hydraulic as u32,
+            leg_count: LEGS as u32,
+            ..RigMeasurement::zero()
+        };
         let s = self.closed.measure();
-        let mut m = RigMeasurement::zero();
-        let noise = &mut self.noise;
-        for i in 0..6 {
-            let model = &self.model;
-            m.leg_length_m[i] = quantised(
-                s.length_m[i] + model.length_noise_m * noise.normal(),
-                model.length_quantum_m,
-            );
-            let speed_noise = model.length_noise_m / SPEED_WINDOW_S;
-            m.leg_speed_m_s[i] = s.speed_m_s[i] + speed_noise * noise.normal();
-            m.leg_force_n[i] = s.force_n[i] + model.pressure_noise_n * noise.normal();
-            m.valve_spool[i] = s.spool[i];
-        }
-        let [a, b] = &mut self.sensors;
-        let (a, b) = (a.read(self.time_s), b.read(self.time_s));
-        m.sensor_a = six(a.value[0], a.value[1]);
-        m.sensor_b = six(b.value[0], b.value[1]);
-        if a.saturated {
-            m.status |= status::SENSOR_A_SATURATED;
-        }
-        if b.saturated {
-            m.status |= status::SENSOR_B_SATURATED;
-        }
-        if let Some(s) = &mut self.accelerometer {
-            let felt = s.read(self.time_s);
-            m.plate_acceleration = six(felt.value[0], felt.value[1]);
-            m.status |= status::ACCELEROMETER;
-            if felt.saturated {
-                m.status |= status::ACCELEROMETER_SATURATED;
-            }
-        }
+        self.read_legs(&s, &mut m);
+        self.read_sensors(&mut m);
         let margins = self.feedforward.platform().stroke_margins_m(&s.length_m);
         if margins.iter().any(|x| *x < 0.0) {
-            m.status |= status::LIMIT_SWITCH;
+            m.status |= Status::LIMIT_SWITCH;
         }
-        let state = self.mounted.state();
-        self.touched |=
-            state.latches.iter().any(|l| l.phase != LatchPhase::Free) || state.losses.total() > 0.0;
-        for (out, latch) in m.mechanism.iter_mut().zip(&state.latches) {
-            *out = f64::from(latch.phase as u8);
-        }
-        let (d, psi) = self.mounted.ring_deflection();
-        m.mechanism[3..6].copy_from_slice(&d.to_array());
-        m.mechanism[6..9].copy_from_slice(&psi.to_array());
-        m.mechanism[9] = f64::from(u8::from(state.captured_s().is_some()));
+        self.read_mechanism(&mut m);
         let ports = self.mounted.now(&s.x_bp, &s.twist);
-        m.status |= status::TRUTH;
         m.truth_position_m = s.x_bp.p.to_array();
-        let q = s.x_bp.q;
-        m.truth_attitude = [q.w, q.x, q.y, q.z];
+        m.truth_attitude = attitude(s.x_bp.q);
         m.truth_twist = six(s.twist.v, s.twist.w);
         m.truth_port3 = six(ports.port3.f, ports.port3.m);
         m.truth_port4 = six(ports.port4.f, ports.port4.m);
@@ -406,15 +390,85 @@ impl<P: RigPlant> EmulatedRig<P> {
         m.state_digest = h.finish().short();
         m
     }
+
+    fn read_legs(&mut self, s: &RigReading, m: &mut RigMeasurement) {
+        let (model, noise) = (&self.model, &mut self.noise);
+        for i in 0..LEGS {
+            m.leg_length_m[i] = quantised(
+                s.length_m[i] + model.length_noise_m * noise.normal(),
+                model.length_quantum_m,
+            );
+            let speed_noise = model.length_noise_m / SPEED_WINDOW_S;
+            m.leg_speed_m_s[i] = s.speed_m_s[i] + speed_noise * noise.normal();
+            m.leg_force_n[i] = s.force_n[i] + model.pressure_noise_n * noise.normal();
+            m.valve_spool[i] = s.spool[i];
+        }
+    }
+
+    fn read_sensors(&mut self, m: &mut RigMeasurement) {
+        let [a, b] = &mut self.sensors;
+        let (a, b) = (a.read(self.time_s), b.read(self.time_s));
+        m.sensor_a = six(a.value[0], a.value[1]);
+        m.sensor_b = six(b.value[0], b.value[1]);
+        m.status.set(Status::SENSOR_A_SATURATED, a.saturated);
+        m.status.set(Status::SENSOR_B_SATURATED, b.saturated);
+        if let Some(s) = &mut self.accelerometer {
+            let read = s.read(self.time_s);
+            m.plate_acceleration = six(read.value[0], read.value[1]);
+            m.capabilities |= Capabilities::ACCELEROMETER;
+            m.status.set(Status::ACCELEROMETER_SATURATED, read.saturated);
+        }
+    }
+
+    /// What the mechanism's own sensors read; a stick has none.
+    fn read_mechanism(&mut self, m: &mut RigMeasurement) {
+        let state = self.mounted.state();
+        self.touched |=
+            state.latches.iter().any(|l| l.phase != LatchPhase::Free) || state.losses.total() > 0.0;
+        if self.mounted.system().mechanism().stick.is_some() {
+            return;
+        }
+        m.capabilities |= Capabilities::LATCHES | Capabilities::RING | Capabilities::JOINED;
+        m.latch_count = state.latches.len() as u32;
+        for (out, latch) in m.latch_phase.iter_mut().zip(&state.latches) {
+            *out = latch.phase as u32;
+        }
+        m.status.set(Status::JOINED, state.captured_s().is_some());
+        let (d, psi) = self.mounted.ring_deflection();
+        m.ring_displacement_m = d.to_array();
+        m.ring_rotation_rad = psi.to_array();
+    }
 }
 
+/// What of its measurements always holds.
+const HOLDS: Capabilities = Capabilities::LEG_LENGTH
+    .union(Capabilities::LEG_SPEED)
+    .union(Capabilities::LEG_FORCE)
+    .union(Capabilities::VALVE_SPOOL)
+    .union(Capabilities::SENSOR_A)
+    .union(Capabilities::SENSOR_B)
+    .union(Capabilities::TRUTH);
+
 impl<P: RigPlant> Plant for EmulatedRig<P> {
+    /// Without leg values it does what a controller with a feed-forward of its own does: inverse
+    /// kinematics and dynamics of the commanded motion of the plate.
+    fn command_form(&self) -> CommandForm {
+        CommandForm::EITHER
+    }
+
     fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
-        // Judged by the port.
+        // Validated by the port.
         let mode = RigMode::from_number(command.mode).unwrap_or(RigMode::Stop);
         self.enter(mode);
         if self.own.is_some() {
             let c = self.own_command();
+            return self.tick(c.as_ref());
+        }
+        let (x_bp, twist) = (command.plate(), command.plate_twist());
+        let before = self.commanded.acceleration;
+        self.commanded = PlateMotion { x_bp, twist, ..PlateMotion::default() };
+        if command.leg_count == 0 {
+            let c = self.by_pose(command, before);
             return self.tick(c.as_ref());
         }
         let legs = core::array::from_fn(|i| LegCommand {
@@ -423,8 +477,6 @@ impl<P: RigPlant> Plant for EmulatedRig<P> {
             flow_speed_m_s: command.leg_flow_speed_m_s[i],
             force_n: command.leg_force_n[i],
         });
-        let (x_bp, twist) = (command.plate(), command.plate_twist());
-        self.commanded = PlateMotion { x_bp, twist, ..PlateMotion::default() };
         let c = feedforward::RigCommand { legs, x_bp, twist };
         self.tick(Some(&c))
     }

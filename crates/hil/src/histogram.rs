@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 
-/// Longest time told apart, ns; a longer one counts as this.
+/// Longest time distinguished, ns; a longer one counts as this.
 const LONGEST_NS: u64 = 100_000_000_000;
 
 /// Times of one kind, 1 ns to 100 s, to three digits. Recording allocates nothing.

@@ -4,10 +4,9 @@
 use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::{Rig, Stick};
 use docktwin_physics::{platform::Platform, stick::StickContact};
-
-use crate::{
-    port::{RigCommand, RigMeasurement, RigMode, six, status},
-    rig::Plant,
+use docktwin_rigport::{
+    message::{Capabilities, LEGS, RigCommand, RigMeasurement, RigMode, Status, attitude, six},
+    rig::{CommandForm, Plant},
 };
 
 /// Speed at which the plate draws back, m/s, and how far from the middle, m: in the play of its stick
@@ -20,8 +19,9 @@ const FLICKER_N: f64 = 1e-9;
 
 /// A rig without mass, delay or error.
 ///
-/// Its sensors stand in `e3` (A) and `e4` (B) and weigh nothing, so they feel what the ports feel.
-/// Its legs have the lengths of the plate's pose, whatever lengths are commanded. In [`RigMode::Idle`]
+/// Its sensors stand in `e3` (A) and `e4` (B) and carry nothing, so they measure the wrenches at the ports.
+/// It takes commands with leg values and without; its legs have the lengths of the plate's pose, whatever
+/// lengths are commanded. In [`RigMode::Idle`]
 /// it goes back to where it began, so that runs repeat.
 #[derive(Clone, Debug)]
 pub struct IdealRig {
@@ -88,21 +88,21 @@ impl IdealRig {
         ((-on_target).shifted(-x_34.p), on_target.rotated(x_34.q.conjugate()))
     }
 
-    fn measure(&mut self, status: u32) -> RigMeasurement {
+    fn measure(&mut self, status: Status) -> RigMeasurement {
         let (f3, f4) = self.ports();
         let (f3, f4) = (six(f3.f, f3.m), six(f4.f, f4.m));
-        let q = self.x_bp.q;
-        let attitude = [q.w, q.x, q.y, q.z];
         let legs = self.platform.at(&self.x_bp);
         let mut m = RigMeasurement {
-            status: status | status::TRUTH,
+            status,
+            capabilities: HOLDS,
+            leg_count: LEGS as u32,
             leg_length_m: legs.length_m,
             leg_speed_m_s: legs.rates(&self.twist),
             leg_force_n: self.leg_force_n,
             sensor_a: f3,
             sensor_b: f4,
             truth_position_m: self.x_bp.p.to_array(),
-            truth_attitude: attitude,
+            truth_attitude: attitude(self.x_bp.q),
             truth_twist: six(self.twist.v, self.twist.w),
             truth_port3: f3,
             truth_port4: f4,
@@ -125,7 +125,19 @@ fn digest(m: &RigMeasurement) -> u64 {
     h.finish().short()
 }
 
+/// What of its measurements holds.
+const HOLDS: Capabilities = Capabilities::LEG_LENGTH
+    .union(Capabilities::LEG_SPEED)
+    .union(Capabilities::LEG_FORCE)
+    .union(Capabilities::SENSOR_A)
+    .union(Capabilities::SENSOR_B)
+    .union(Capabilities::TRUTH);
+
 impl Plant for IdealRig {
+    fn command_form(&self) -> CommandForm {
+        CommandForm::EITHER
+    }
+
     fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
         let mode = RigMode::from_number(command.mode).unwrap_or(RigMode::Stop);
         match mode {
@@ -135,21 +147,21 @@ impl Plant for IdealRig {
             #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
             RigMode::Retract => self.retract(command.period_ns as f64 * 1e-9),
         }
-        self.measure(if mode == RigMode::Idle { 0 } else { status::ENABLED })
+        self.measure(if mode == RigMode::Idle { Status::empty() } else { Status::ENABLED })
     }
 
     fn alone(&mut self, _period_ns: u64) -> RigMeasurement {
         self.rest();
-        self.measure(status::ENABLED)
+        self.measure(Status::ENABLED)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use docktwin_core::DQuat;
+    use docktwin_rigport::message::wrench;
 
     use super::*;
-    use crate::port::wrench;
 
     const STICK: Stick =
         Stick { stiffness_n_m: 35.4e3, diameter_m: 0.0075, frame_opening_m: 0.0275, lever_m: 0.5 };
@@ -166,7 +178,7 @@ mod tests {
         let mut c = RigCommand { period_ns: 1_000_000, ..RigCommand::zero() };
         c.mode = RigMode::Track as u32;
         c.plate_position_m = x_bp.p.to_array();
-        c.plate_attitude = [x_bp.q.w, x_bp.q.x, x_bp.q.y, x_bp.q.z];
+        c.plate_attitude = attitude(x_bp.q);
         c.plate_velocity_m_s = [0.1, 0.2, 0.3];
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/urdf/stewart.urdf");
         let mut rig = docktwin_model::load_rig(file.as_ref()).expect("the default rig").model;
@@ -174,7 +186,7 @@ mod tests {
         (IdealRig::new(&rig, STICK, 0.0, x_b3 * x_4p), c)
     }
 
-    /// What both ports feel holds itself in balance, whatever the pose: moved to one point and turned
+    /// The wrenches at both ports balance each other, whatever the pose: moved to one point and turned
     /// to one frame, force and moment cancel.
     #[test]
     fn invariant_both_ports_are_in_balance() {

@@ -6,6 +6,7 @@ use core::f64::consts::TAU;
 
 use docktwin_control::{
     excitation::{Cruise, Sine, along, displacement},
+    feedforward::LegCorrections,
     harmonic::Harmonic,
     one_sided::{FrequencyPoint, Interface},
 };
@@ -14,11 +15,11 @@ use docktwin_model::SixAxisSensor;
 use docktwin_physics::hydraulics::LegParameters;
 use nalgebra::Complex;
 
+use docktwin_rigport::{message::Capabilities, rig::Rig};
+
 use crate::{
     clock::Clock,
     drive::{Drive, DriveError, Sample},
-    rig::Rig,
-    scheduler::LegCorrections,
 };
 
 /// What is to be identified, and where.
@@ -42,8 +43,8 @@ pub struct IdentifySetup {
 /// Natural frequencies of Table 4, the row at 5 Hz, and two above, Hz.
 pub const FREQUENCIES_HZ: [f64; 9] = [0.235, 0.471, 0.941, 1.731, 2.308, 2.884, 5.0, 7.0, 10.0];
 
-/// Amplitude of a contact of Table 4, m: what the rod is bent by; above them, what a rig of this size
-/// follows.
+/// Amplitude of a contact of Table 4, m: the peak deflection of the rod, used as the amplitude of
+/// the excitation; above them, what a rig of this size follows.
 #[must_use]
 pub fn contact_amplitude_m(hz: f64) -> f64 {
     if hz < 1.2 {
@@ -63,8 +64,8 @@ pub enum IdentifyError {
     Drive(#[from] DriveError),
     /// No valve openings.
     #[error(
-        "the rig tells no valve openings (valve_spool is 0 throughout), and null bias and flow gain \
-         are found by them: have the rig fill them in"
+        "the rig reports no valve openings (capability bit 11, or 0 throughout), lengths or forces of its \
+         legs, and null bias and flow gain are found by them: have the rig fill them in"
     )]
     NoSpool,
     /// Too few measurements.
@@ -85,7 +86,7 @@ pub struct ResponsePoint {
     pub dof: usize,
     /// Frequency, Hz.
     pub hz: f64,
-    /// Amplitude asked for, m or rad.
+    /// Amplitude of the excitation, m or rad.
     pub amplitude: f64,
     /// G_MSim: from the motion wanted at an instant to the motion of that instant.
     pub gain: Complex<f64>,
@@ -386,6 +387,10 @@ pub fn identify<R: Rig, K: Clock>(
         || setup.room_m < 5e-3
     {
         return Err(IdentifyError::Setup);
+    }
+    let needed = Capabilities::VALVE_SPOOL | Capabilities::LEG_LENGTH | Capabilities::LEG_FORCE;
+    if !drive.capabilities().contains(needed) {
+        return Err(IdentifyError::NoSpool);
     }
     drive.correct(LegCorrections::default());
     let no_load_speed_m_s = setup.legs.map(|l| l.no_load_speed_m_s());

@@ -12,26 +12,13 @@ use core::{
 };
 use std::io;
 
-/// Time of `CLOCK_MONOTONIC`, ns: shared by all processes of this machine, never set back.
-#[must_use]
-pub fn monotonic_ns() -> u64 {
-    let mut t = MaybeUninit::<libc::timespec>::uninit();
-    // SAFETY: `t` is writable and as large as the call expects; the clock exists on every Linux, and
-    // a call that succeeds has filled `t`.
-    let t = unsafe {
-        let done = libc::clock_gettime(libc::CLOCK_MONOTONIC, t.as_mut_ptr());
-        debug_assert_eq!(done, 0);
-        t.assume_init()
-    };
-    nanos(&t)
-}
-
 /// Finest difference between two readings of the clock, ns. 1 with high-resolution timers, a tick of
 /// the kernel (1 to 10 ms) without.
 #[must_use]
 pub fn timer_resolution_ns() -> u64 {
     let mut t = MaybeUninit::<libc::timespec>::uninit();
-    // SAFETY: as in `monotonic_ns`.
+    // SAFETY: `t` is writable and as large as the call expects; the clock exists on every Linux, and
+    // a call that succeeds has filled `t`.
     let t = unsafe {
         let done = libc::clock_getres(libc::CLOCK_MONOTONIC, t.as_mut_ptr());
         debug_assert_eq!(done, 0);
@@ -40,7 +27,7 @@ pub fn timer_resolution_ns() -> u64 {
     nanos(&t)
 }
 
-/// Sleeps until an instant of [`monotonic_ns`]; returns at once when it has passed.
+/// Sleeps until an instant of [`docktwin_rigport::clock::monotonic_ns`]; returns at once when it has passed.
 pub fn sleep_until_ns(instant_ns: u64) {
     let until = timespec(instant_ns);
     // SAFETY: `until` is a valid instant and lives through the call; with an absolute instant no rest
@@ -449,6 +436,8 @@ fn cores(thread: libc::pid_t) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use docktwin_rigport::clock::monotonic_ns;
+
     use super::*;
 
     /// In a thread of its own, because the setting is the thread's.

@@ -1,16 +1,15 @@
 //! `rig calibrate` against the truth of drawn rigs, through the port.
 
-mod common;
 mod stand;
 
-use common::stick::Spoilt;
+use docktwin_control::feedforward::LegCorrections;
 use docktwin_hil::{
     calibrate::{CalibrateError, CalibrateSetup, Calibration, Touch, calibrate},
     emulated::SENSOR_STREAM,
-    port::RigMeasurement,
-    scheduler::LegCorrections,
+    faults::{Fault, FaultKind, FaultyRig, Instrument, When},
 };
 use docktwin_physics::{mechanism::System, sensor::SensorParameters};
+use docktwin_rigport::in_process::InProcess;
 use stand::{Stand, body, free_stick, stick};
 
 /// A, B and the accelerometers.
@@ -97,15 +96,14 @@ fn invariant_a_wrong_axis_of_the_accelerometers_is_found() {
     let stand = Stand::new(None);
     let place = stand.middle();
     let setup = CalibrateSetup::at(place, stand.rig.sensors.expect("as the model says"));
-    for (spoil, axis) in [
-        ((|x: &mut [f64; 6]| x.swap(1, 2)) as fn(&mut [f64; 6]), 1),
-        (|x| x[2] = -x[2], 2),
-        (|x| x[4] = -x[4], 4),
+    let accelerometer = Instrument::Accelerometer;
+    for (what, axis) in [
+        (FaultKind::AxesSwapped(accelerometer), 1),
+        (FaultKind::AxisSign(accelerometer, 2), 2),
+        (FaultKind::AxisSign(accelerometer, 4), 4),
     ] {
-        let rig = Spoilt::new(stand.emulated(free_stick(), &place), |mut m: RigMeasurement| {
-            spoil(&mut m.plate_acceleration);
-            Ok(Some(m))
-        });
+        let rig = InProcess::new(stand.emulated(free_stick(), &place));
+        let rig = FaultyRig::new(rig, &[Fault::from(what, When::Tick(0))]);
         let mut drive = stand.lead(rig, LegCorrections::default());
         let found = calibrate(&mut drive, &setup).expect_err("an axis is wrong");
         let CalibrateError::Accelerometer { axis: told, .. } = found else { panic!("{found}") };

@@ -4,18 +4,19 @@
 mod common;
 
 use common::stick::{Models, axis, emulated, models, settings};
-use docktwin_control::compensator::Compensation;
-use docktwin_core::{DVec3, Pose};
+use docktwin_control::compensation::Compensation;
+use docktwin_core::{DVec3, PERIOD_NS, Pose};
 use docktwin_hil::{
     clock::VirtualClock,
-    in_process::InProcess,
     scheduler::{Loop, Phase, TickRecord},
-    vibro::{Contact, PERIOD_NS, TABLE_4, VibroRun, VibroSettings, VibroTest},
 };
+use docktwin_rigport::in_process::InProcess;
+use docktwin_study::table4::{Contact, TABLE_4, VibroRun, VibroSettings, VibroTest};
 
 fn run(m: &Models, test: &VibroTest, s: &VibroSettings, look: impl FnMut(&TickRecord)) -> VibroRun {
     let rig = emulated(m, test);
-    let idle = Loop::new(test.setup(&m.rig, s), InProcess::new(rig), VirtualClock::new(PERIOD_NS));
+    let setup = test.setup(&m.rig, s).unwrap();
+    let idle = Loop::new(setup, InProcess::new(rig), VirtualClock::new(PERIOD_NS));
     test.run(idle, look).unwrap()
 }
 

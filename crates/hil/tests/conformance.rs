@@ -1,9 +1,11 @@
-//! One suite for every rig: in process; in shared memory from a thread, from another process, and from
-//! one that is written in Python from the protocol page; over UDP.
+//! One suite for every ideal rig: in process, also behind a wrapper for faults; in shared memory from a
+//! thread, from another process, and from one that is written in Python from the protocol page; over UDP.
+//! A second, smaller one for any rig at all: emulated hydraulics and a rig without legs, too.
 
 mod common;
+mod stand;
 #[allow(dead_code, reason = "what stands for the command line")]
-#[path = "../examples/udp_bridge.rs"]
+#[path = "../../rigport/examples/udp_bridge.rs"]
 mod udp_bridge;
 
 use std::{
@@ -19,12 +21,15 @@ use std::{
 
 use common::*;
 use docktwin_core::DVec3;
-use docktwin_hil::{
+use docktwin_hil::faults::FaultyRig;
+use docktwin_rigport::{
+    clock::monotonic_ns,
     in_process::InProcess,
     ipc::{IpcError, IpcRig, RigServer, Side},
-    port::{PROTOCOL_VERSION, Refusal, RigCommand, RigMeasurement, RigMode, flag, status},
-    realtime::monotonic_ns,
-    rig::{Plant, Rig, RigError},
+    message::{
+        Capabilities, Flags, PROTOCOL_VERSION, Refusal, RigCommand, RigMeasurement, RigMode, Status,
+    },
+    rig::{CommandForm, Plant, Rig, RigError},
 };
 
 /// A rig, and what must live as long.
@@ -35,6 +40,22 @@ struct Bed {
 
 fn in_process() -> Option<Bed> {
     Some(Bed { rig: Box::new(InProcess::new(ideal())), _keep: None })
+}
+
+/// A wrapper that could bring faults about, and has none.
+fn faulty() -> Option<Bed> {
+    Some(Bed { rig: Box::new(FaultyRig::new(InProcess::new(ideal()), &[])), _keep: None })
+}
+
+/// The emulated rig, led by the plate's pose.
+fn emulated() -> Option<Bed> {
+    let stand = stand::Stand::new(None);
+    let plant = stand.emulated(stand::free_stick(), &stand.middle());
+    Some(Bed { rig: Box::new(InProcess::new(plant)), _keep: None })
+}
+
+fn pose_only() -> Option<Bed> {
+    Some(Bed { rig: Box::new(InProcess::new(PoseOnly(ideal()))), _keep: None })
 }
 
 fn thread() -> Option<Bed> {
@@ -138,7 +159,121 @@ macro_rules! conforms {
     );)+ };
 }
 
-conforms!(in_process, thread, process, python, udp);
+conforms!(in_process, faulty, thread, process, python, udp);
+
+/// Every test that any rig passes, whatever it does with its time and its legs.
+macro_rules! is_a_rig {
+    ($kind:ident: $($test:ident),+ $(,)?) => {
+        mod $kind {
+            $(#[test]
+            fn $test() {
+                if let Some(mut bed) = super::super::$kind() {
+                    super::super::any::$test(&mut *bed.rig);
+                }
+            })+
+        }
+    };
+    ($($kind:ident),+) => { $(is_a_rig!($kind:
+        invariant_measurements_say_what_the_rig_is,
+        invariant_leg_values_are_refused_where_they_do_not_fit,
+        invariant_the_safe_state_is_left_by_a_new_session_alone,
+        invariant_silence_ends_in_the_safe_state,
+        invariant_a_stop_holds,
+    );)+ };
+}
+
+mod any_rig {
+    is_a_rig!(in_process, faulty, emulated, pose_only, thread, python);
+}
+
+mod any {
+    use super::*;
+
+    fn by_pose(session: u64, tick: u64, mode: RigMode) -> RigCommand {
+        let c = command(session, tick, mode, start());
+        RigCommand {
+            leg_count: 0,
+            leg_length_m: [0.0; 6],
+            leg_speed_m_s: [0.0; 6],
+            leg_flow_speed_m_s: [0.0; 6],
+            leg_force_n: [0.0; 6],
+            plate_velocity_m_s: [0.0; 3],
+            plate_rate_rad_s: [0.0; 3],
+            ..c
+        }
+    }
+
+    /// A session in which the rig is led.
+    fn led(rig: &mut dyn Rig) -> u64 {
+        let session = new_session();
+        exchange(rig, &by_pose(session, 0, RigMode::Idle));
+        let m = exchange(rig, &by_pose(session, 1, RigMode::Track));
+        assert!(!m.is(Status::SAFE_STATE) && m.is(Status::ENABLED), "{m:?}");
+        session
+    }
+
+    fn in_place(m: &RigMeasurement) {
+        let off = DVec3::from_array(m.truth_position_m).distance(start().p);
+        assert!(off < 2e-3, "{off} m from where it was sent");
+    }
+
+    pub(super) fn invariant_measurements_say_what_the_rig_is(rig: &mut dyn Rig) {
+        let session = led(rig);
+        for tick in 2..20 {
+            let m = exchange(rig, &by_pose(session, tick, RigMode::Track));
+            assert!(m.keeps_reserved() && m.is_finite(), "{m:?}");
+            assert!(m.has(Capabilities::POSE_COMMAND | Capabilities::SENSOR_A));
+            let legs = m.has(Capabilities::LEG_COMMAND);
+            assert_eq!(m.leg_count, if legs { 6 } else { 0 });
+            assert!(m.has(Capabilities::LEG_LENGTH) || m.plate().is_some());
+            in_place(&m);
+        }
+    }
+
+    pub(super) fn invariant_leg_values_are_refused_where_they_do_not_fit(rig: &mut dyn Rig) {
+        let session = led(rig);
+        let five = RigCommand { leg_count: 5, ..by_pose(session, 2, RigMode::Track) };
+        let m = exchange_by(rig, &five, five.loop_time_ns + five.period_ns);
+        let expected = m.has(Capabilities::LEG_COMMAND).then_some(Refusal::Legs);
+        assert_eq!(Refusal::from_number(m.refusal), expected, "{m:?}");
+        in_place(&m);
+    }
+
+    pub(super) fn invariant_the_safe_state_is_left_by_a_new_session_alone(rig: &mut dyn Rig) {
+        let session = led(rig);
+        let bad = RigCommand { session, mode: 9, ..by_pose(session, 2, RigMode::Track) };
+        let m = exchange_by(rig, &bad, bad.loop_time_ns + bad.period_ns);
+        assert!(m.is(Status::REFUSED | Status::SAFE_STATE), "{m:?}");
+        for (tick, mode) in [(3, RigMode::Track), (4, RigMode::Idle), (5, RigMode::Track)] {
+            let m = exchange(rig, &by_pose(session, tick, mode));
+            assert!(m.is(Status::SAFE_STATE), "{m:?}");
+            in_place(&m);
+        }
+        led(rig);
+    }
+
+    pub(super) fn invariant_silence_ends_in_the_safe_state(rig: &mut dyn Rig) {
+        let session = led(rig);
+        exchange(rig, &now(by_pose(session, 2, RigMode::Hold)));
+        std::thread::sleep(Duration::from_millis(100));
+        let m = exchange(rig, &now(by_pose(session, 3, RigMode::Track)));
+        assert!(m.is(Status::SAFE_STATE) && !m.is(Status::UNSOLICITED), "{m:?}");
+        in_place(&m);
+    }
+
+    pub(super) fn invariant_a_stop_holds(rig: &mut dyn Rig) {
+        let session = led(rig);
+        exchange(rig, &by_pose(session, 2, RigMode::Stop));
+        for tick in 3..100 {
+            let away = plate_at(DVec3::new(0.0, 1e-4 * tick as f64, 0.0));
+            let mut c = by_pose(session, tick, RigMode::Track);
+            c.plate_position_m = away.p.to_array();
+            let m = exchange(rig, &c);
+            assert!(!m.is(Status::SAFE_STATE), "a stop is an order, not a fault");
+            in_place(&m);
+        }
+    }
+}
 
 mod suite {
     use super::*;
@@ -161,8 +296,8 @@ mod suite {
             let m = exchange(rig, &c);
             assert_eq!((m.protocol_version, m.session, m.tick), (PROTOCOL_VERSION, session, tick));
             assert_eq!(m.stamp_ns, c.loop_time_ns + c.period_ns, "the state at the tick's end");
-            assert_eq!((m.refusal, m.reserved), (0, 0));
-            assert!(!m.has(status::REFUSED) && !m.has(status::SAFE_STATE), "{m:?}");
+            assert!(m.refusal == 0 && m.keeps_reserved());
+            assert!(!m.is(Status::REFUSED) && !m.is(Status::SAFE_STATE), "{m:?}");
         }
         // Nothing more comes of itself.
         let nothing = rig.receive(Duration::ZERO, u64::MAX);
@@ -176,7 +311,7 @@ mod suite {
             let x_bp = plate_at(DVec3::new(x_m, 0.0, 0.0));
             let c = command(session, tick, RigMode::Track, x_bp);
             let m = exchange(rig, &c);
-            assert!(m.has(status::TRUTH | status::ENABLED));
+            assert!(m.has(Capabilities::TRUTH) && m.is(Status::ENABLED));
             let (position, attitude) = (m.truth_position_m, m.truth_attitude);
             assert_eq!((position, attitude), (c.plate_position_m, c.plate_attitude));
             assert_eq!(m.leg_force_n.map(f64::to_bits), c.leg_force_n.map(f64::to_bits));
@@ -210,7 +345,7 @@ mod suite {
     type Spoil = fn(&mut RigCommand);
 
     /// With the reason expected.
-    fn spoiled() -> [(Refusal, Spoil); 9] {
+    fn spoiled() -> [(Refusal, Spoil); 14] {
         [
             (Refusal::Version, |c| c.protocol_version += 1),
             (Refusal::TickBack, |c| c.tick -= 1),
@@ -219,6 +354,11 @@ mod suite {
             (Refusal::NotFinite, |c| c.leg_flow_speed_m_s[5] = f64::INFINITY),
             (Refusal::NotFinite, |c| c.mechanism[7] = f64::NEG_INFINITY),
             (Refusal::Mode, |c| c.mode = 5),
+            (Refusal::Reserved, |c| c.reserved[3] = 1),
+            (Refusal::Reserved, |c| c.mechanism_mode = 4),
+            (Refusal::Reserved, |c| c.flags |= Flags::from_bits_retain(1 << 5)),
+            (Refusal::Reserved, |c| c.leg_count = 7),
+            (Refusal::Legs, |c| c.leg_count = 5),
             (Refusal::Period, |c| c.period_ns = 0),
             (Refusal::Period, |c| c.period_ns = u64::MAX),
         ]
@@ -233,14 +373,14 @@ mod suite {
             let later_ns = bad.loop_time_ns + bad.period_ns;
             spoil(&mut bad);
             let m = exchange_by(rig, &bad, later_ns);
-            assert!(m.has(status::REFUSED | status::SAFE_STATE), "{refusal:?}: {m:?}");
+            assert!(m.is(Status::REFUSED | Status::SAFE_STATE), "{refusal:?}: {m:?}");
             assert_eq!(Refusal::from_number(m.refusal), Some(refusal));
             assert_eq!((m.session, m.tick), (session, bad.tick));
             assert_eq!(position(&m), position(&before), "{refusal:?} has arrived");
             // What follows is good, and held nevertheless: until an idle command of a new session.
             for (tick, mode) in [(3, RigMode::Track), (4, RigMode::Idle), (5, RigMode::Track)] {
                 let m = exchange(rig, &command(session, tick, mode, elsewhere));
-                assert!(m.has(status::SAFE_STATE) && !m.has(status::REFUSED), "{m:?}");
+                assert!(m.is(Status::SAFE_STATE) && !m.is(Status::REFUSED), "{m:?}");
                 assert_eq!((m.refusal, m.tick), (0, tick));
                 assert_eq!(position(&m), position(&before), "{refusal:?}: has left its safe state");
             }
@@ -265,10 +405,10 @@ mod suite {
         for mode in [RigMode::Track, RigMode::Hold, RigMode::Retract] {
             let session = new_session();
             let m = exchange(rig, &command(session, 0, mode, way(20)));
-            assert!(m.has(status::SAFE_STATE) && !m.has(status::REFUSED), "{m:?}");
+            assert!(m.is(Status::SAFE_STATE) && !m.is(Status::REFUSED), "{m:?}");
             assert_eq!(position(&m), position(&before));
             let m = exchange(rig, &command(session, 1, RigMode::Idle, way(20)));
-            assert!(m.has(status::SAFE_STATE), "the session is spoiled");
+            assert!(m.is(Status::SAFE_STATE), "the session is spoiled");
         }
         begin(rig, new_session(), way(20));
     }
@@ -278,7 +418,7 @@ mod suite {
         begin(rig, session, way(10));
         let m = exchange(rig, &command(session, 2, RigMode::Idle, way(20)));
         assert_eq!(position(&m), start().p, "idle of the same session");
-        assert!(!m.has(status::ENABLED));
+        assert!(!m.is(Status::ENABLED));
         begin(rig, new_session(), way(10));
         let m = exchange(rig, &command(new_session(), 0, RigMode::Idle, way(20)));
         assert_eq!(position(&m), start().p, "idle of a new session");
@@ -290,7 +430,7 @@ mod suite {
         for (tick, mode) in [(2, RigMode::Stop), (3, RigMode::Track), (4, RigMode::Retract)] {
             let m = exchange(rig, &command(session, tick, mode, way(20)));
             assert_eq!(position(&m), position(&before));
-            assert!(!m.has(status::SAFE_STATE), "a stop is an order, not a fault");
+            assert!(!m.is(Status::SAFE_STATE), "a stop is an order, not a fault");
         }
         exchange(rig, &command(session, 5, RigMode::Idle, way(20)));
         let m = exchange(rig, &command(session, 6, RigMode::Track, way(20)));
@@ -306,7 +446,7 @@ mod suite {
             let clock = |mut c: RigCommand| {
                 if !lockstep {
                     // Due in the past, so that a slow machine is no silence.
-                    c.flags &= !flag::LOCKSTEP;
+                    c.flags -= Flags::LOCKSTEP;
                     c.wakeup_ns = 0;
                     c.period_ns = 100 * MS;
                 }
@@ -336,7 +476,7 @@ mod suite {
         }
         let gone_m = position(&was).distance(position(&before));
         assert!(way_m == 0.0 && gone_m > 1e-3, "{gone_m} m, and {way_m} m in the last tick");
-        assert!(was.has(status::ENABLED) && !was.joined());
+        assert!(was.is(Status::ENABLED) && !was.is_held());
     }
 
     pub(super) fn invariant_silence_ends_in_the_safe_state(rig: &mut dyn Rig) {
@@ -347,7 +487,7 @@ mod suite {
         std::thread::sleep(Duration::from_millis(100));
         c = now(command(session, 3, RigMode::Track, way(20)));
         let m = exchange(rig, &c);
-        assert!(m.has(status::SAFE_STATE) && !m.has(status::UNASKED), "{m:?}");
+        assert!(m.is(Status::SAFE_STATE) && !m.is(Status::UNSOLICITED), "{m:?}");
         assert_eq!((m.tick, m.refusal), (3, 0));
         assert_eq!(position(&m), position(&before));
         // Idle has no silence: nobody leads.
@@ -355,7 +495,7 @@ mod suite {
         exchange(rig, &now(command(session, 0, RigMode::Idle, way(20))));
         std::thread::sleep(Duration::from_millis(100));
         let m = exchange(rig, &now(command(session, 1, RigMode::Track, way(20))));
-        assert!(!m.has(status::SAFE_STATE), "{m:?}");
+        assert!(!m.is(Status::SAFE_STATE), "{m:?}");
     }
 }
 
@@ -363,12 +503,17 @@ mod suite {
 struct Liar;
 
 impl Plant for Liar {
+    fn command_form(&self) -> CommandForm {
+        CommandForm::LEGS
+    }
+
     fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
-        let mut m = RigMeasurement::zero();
+        let capabilities = Capabilities::SENSOR_B;
+        let mut m = RigMeasurement { capabilities, ..RigMeasurement::zero() };
         match command.tick {
             1 => m.sensor_b[2] = f64::NAN,
             2 => {
-                m.status = status::TRUTH;
+                m.capabilities |= Capabilities::TRUTH;
                 m.truth_port4[0] = f64::INFINITY;
             }
             // Without the bit nobody is to look at it.
@@ -464,28 +609,58 @@ mod other_types {
     /// Right name, one number short.
     #[derive(Clone, Copy, Debug, ZeroCopySend)]
     #[repr(C)]
-    #[type_name("DocktwinRigCommandV2")]
+    #[type_name("DocktwinRigCommandV3")]
     struct Truncated([u64; 38]);
 
     /// Right size, another name.
     #[derive(Clone, Copy, Debug, ZeroCopySend)]
     #[repr(C)]
-    #[type_name("DocktwinRigCommandV0")]
+    #[type_name("SomethingElse")]
     struct OtherName([u64; size_of::<RigCommand>() / 8]);
 
-    fn occupied<T: core::fmt::Debug + ZeroCopySend + 'static>(what: &str) {
+    /// As version 2 had it.
+    #[derive(Clone, Copy, Debug, ZeroCopySend)]
+    #[repr(C)]
+    #[type_name("DocktwinRigCommandV2")]
+    struct Second([u64; 52]);
+
+    /// What either side says when the service carries a `T`.
+    fn refused<T: core::fmt::Debug + ZeroCopySend + 'static>(what: &str) -> [IpcError; 2] {
         let name = unique(what);
         let node = NodeBuilder::new().create::<ipc::Service>().expect("a node");
         let service_name = format!("docktwin/{name}/command");
         let service_name = service_name.as_str().try_into().expect("a name");
         let _other =
             node.service_builder(&service_name).publish_subscribe::<T>().create().expect("new");
-        let refused = RigServer::open(&name).expect_err("another type");
-        assert!(matches!(refused, IpcError::Payload(_)), "{refused:?}");
-        assert_eq!(refused.refusal(), Some(Refusal::Size));
-        let refused = IpcRig::connect(&name, PATIENCE).expect_err("another type");
-        assert!(matches!(refused, IpcError::Payload(_)), "{refused:?}");
-        assert!(refused.to_string().contains("protocol page"), "{refused}");
+        [
+            RigServer::open(&name).expect_err("another type"),
+            IpcRig::connect(&name, PATIENCE).expect_err("another type"),
+        ]
+    }
+
+    fn occupied<T: core::fmt::Debug + ZeroCopySend + 'static>(what: &str) {
+        for refused in refused::<T>(what) {
+            assert!(matches!(refused, IpcError::Payload(_)), "{refused:?}");
+            assert_eq!(refused.refusal(), Some(Refusal::Size));
+            assert!(refused.to_string().contains("protocol page"), "{refused}");
+        }
+    }
+
+    /// One line says which version is there and what to change.
+    #[test]
+    fn invariant_a_rig_of_version_2_is_refused_with_what_to_change() {
+        for refused in refused::<Second>("version") {
+            assert!(matches!(refused, IpcError::Version { theirs: 2, .. }), "{refused:?}");
+            assert_eq!(refused.refusal(), Some(Refusal::Version));
+            let text = refused.to_string();
+            for word in ["version 2", "version 3", "From version 2 to version 3"] {
+                assert!(text.contains(word) && !text.contains('\n'), "{text}");
+            }
+        }
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/rig-protocol.md");
+        let page = std::fs::read_to_string(page).expect("the page");
+        assert!(page.contains("## From version 2 to version 3"));
+        assert!(Refusal::Version.to_string().contains("From version 2 to version 3"));
     }
 
     #[test]

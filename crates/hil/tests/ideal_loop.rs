@@ -3,14 +3,11 @@
 mod common;
 
 use common::stick::{Models, axis, models, settings};
-use docktwin_control::compensator::Compensation;
-use docktwin_hil::{
-    clock::VirtualClock,
-    ideal::IdealRig,
-    in_process::InProcess,
-    scheduler::Loop,
-    vibro::{Contact, PERIOD_NS, Row, TABLE_4, VibroTest},
-};
+use docktwin_control::compensation::Compensation;
+use docktwin_core::PERIOD_NS;
+use docktwin_hil::{clock::VirtualClock, ideal::IdealRig, scheduler::Loop};
+use docktwin_rigport::in_process::InProcess;
+use docktwin_study::table4::{Contact, Row, TABLE_4, VibroTest};
 
 /// The first contact of a row along or about an axis.
 fn contact(m: &Models, name: &str, row: Row, compensation: Compensation) -> Contact {
@@ -19,8 +16,8 @@ fn contact(m: &Models, name: &str, row: Row, compensation: Compensation) -> Cont
     let docked_m = m.stick.docked_length_m();
     let start = m.rig.plate_from_docking(&m.rig.docking.pose([0.0; 6]));
     let rig = InProcess::new(IdealRig::new(&m.rig, stick, docked_m, start));
-    let idle =
-        Loop::new(test.setup(&m.rig, &settings(compensation)), rig, VirtualClock::new(PERIOD_NS));
+    let setup = test.setup(&m.rig, &settings(compensation)).expect("it can be run");
+    let idle = Loop::new(setup, rig, VirtualClock::new(PERIOD_NS));
     let run = test.run(idle, |_| ()).expect("armed, and answered to the end");
     assert_eq!(run.trip, None, "{name} {}", row.frequency_hz);
     *run.contacts.first().expect("a contact")

@@ -11,12 +11,12 @@ use std::{
 };
 
 use common::*;
-use docktwin_hil::{
-    desk::SILENT_PERIODS,
+use docktwin_rigport::{
+    clock::monotonic_ns,
     ipc::{IpcRig, RigEvent, RigServer, ServeOptions},
-    port::{RigCommand, RigMeasurement, RigMode, status},
-    realtime::monotonic_ns,
-    rig::{Plant, Rig, RigError},
+    message::{RigCommand, RigMeasurement, RigMode, Status},
+    rig::{CommandForm, Plant, Rig, RigError},
+    validate::SILENT_PERIODS,
 };
 
 const ROUNDS: usize = 20;
@@ -145,7 +145,7 @@ fn run(rig: &mut IpcRig, session: u64) -> u64 {
 fn works(rig: &mut IpcRig) {
     let session = new_session();
     let m = begin(rig, session, start());
-    assert!(m.has(status::ENABLED), "{m:?}");
+    assert!(m.is(Status::ENABLED), "{m:?}");
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn invariant_a_loop_survives_the_death_of_its_rig() {
         // The same loop goes on with a new rig of the name, which holds still until it is idle.
         child = start_again("rig_process", &name);
         let waited = monotonic_ns();
-        while !matches!(step(&mut rig, session, tick + 1), Ok(Some(m)) if m.has(status::SAFE_STATE))
+        while !matches!(step(&mut rig, session, tick + 1), Ok(Some(m)) if m.is(Status::SAFE_STATE))
         {
             tick += 1;
             assert!(monotonic_ns() - waited < 20_000 * MS, "the new rig does not answer");
@@ -202,6 +202,10 @@ fn invariant_a_loop_in_lockstep_is_told_of_the_death_of_its_rig_within_its_patie
 struct Told<P>(P, mpsc::Sender<()>);
 
 impl<P: Plant> Plant for Told<P> {
+    fn command_form(&self) -> CommandForm {
+        self.0.command_form()
+    }
+
     fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
         self.0.answer(command)
     }

@@ -13,18 +13,17 @@ use common::{
     stick::{Models, axis, emulated, models, settings},
     unique,
 };
-use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
+use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
+use docktwin_core::PERIOD_NS;
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
+    faults::{Fault, FaultKind, FaultyRig, Instrument, When},
     histogram::{LatencyHistogram, PhaseHistograms},
-    in_process::InProcess,
-    ipc::IpcRig,
-    port::RigMode,
-    rig::Rig,
     scheduler::{Idle, Loop, Phase},
-    vibro::{PERIOD_NS, TABLE_4, VibroSettings, VibroTest},
 };
 use docktwin_physics::reduced::Inputs;
+use docktwin_rigport::{in_process::InProcess, ipc::IpcRig, message::RigMode, rig::Rig};
+use docktwin_study::table4::{TABLE_4, VibroSettings, VibroTest};
 
 thread_local! {
     // Of this thread only: the test harness has threads of its own.
@@ -105,7 +104,7 @@ fn sessions(rig: &mut dyn Rig) {
         let mode = if tick == 0 { RigMode::Idle } else { RigMode::Track };
         let c = command(1, tick, mode, start());
         rig.send(&c).expect("sent");
-        let m = rig.receive(PATIENCE, c.loop_time_ns + c.period_ns).expect("judged good");
+        let m = rig.receive(PATIENCE, c.loop_time_ns + c.period_ns).expect("validated");
         assert_eq!(m.map(|m| m.tick), Some(tick));
     }
     let mut heard = 0;
@@ -132,6 +131,19 @@ fn regress_a_rig_in_another_process_costs_one_small_block_a_command() {
 #[test]
 fn invariant_a_rig_in_process_never_asks_for_memory() {
     let mut rig = InProcess::new(ideal());
+    assert_eq!(requests(|| sessions(&mut rig)), 0);
+}
+
+#[test]
+fn invariant_a_rig_with_faults_never_asks_for_memory() {
+    let faults = [
+        FaultKind::Noisy(Instrument::SensorA),
+        FaultKind::Frozen(Instrument::SensorB),
+        FaultKind::LegRunaway(2),
+        FaultKind::StampDrift,
+    ];
+    let faults = faults.map(|what| Fault::from(what, When::Time(0.01)).sized(-1e-3));
+    let mut rig = FaultyRig::new(InProcess::new(ideal()), &faults);
     assert_eq!(requests(|| sessions(&mut rig)), 0);
 }
 
@@ -179,7 +191,8 @@ fn invariant_a_run_on_the_emulated_rig_never_asks_for_memory_after_arming() {
         let s = VibroSettings { scheme, ..settings(compensation) };
         let rig = InProcess::new(emulated(&m, &test));
         let clock = VirtualClock::new(PERIOD_NS);
-        assert_eq!(requests_of_a_run(Loop::new(test.setup(&m.rig, &s), rig, clock)).0, 0);
+        let setup = test.setup(&m.rig, &s).expect("it can be run");
+        assert_eq!(requests_of_a_run(Loop::new(setup, rig, clock)).0, 0);
     }
 }
 
@@ -192,7 +205,8 @@ fn invariant_a_run_over_shared_memory_asks_for_nothing_of_its_own() {
     let name = unique("allocation");
     let _served = Served::of(&name, emulated(&m, &test));
     let rig = IpcRig::connect(&name, PATIENCE).expect("the rig is there");
-    let idle = Loop::new(test.setup(&m.rig, &s), rig, VirtualClock::new(PERIOD_NS));
+    let setup = test.setup(&m.rig, &s).expect("it can be run");
+    let idle = Loop::new(setup, rig, VirtualClock::new(PERIOD_NS));
     let (asked, ticks) = requests_of_a_run(idle);
     assert_eq!(asked, ticks, "besides the block of every message");
 }

@@ -10,13 +10,11 @@ use common::{
     stick::{axis, models, settings},
     unique,
 };
-use docktwin_control::compensator::Compensation;
-use docktwin_hil::{
-    clock::VirtualClock,
-    ipc::IpcRig,
-    scheduler::Loop,
-    vibro::{PERIOD_NS, TABLE_4, VibroSettings, VibroTest},
-};
+use docktwin_control::compensation::Compensation;
+use docktwin_core::PERIOD_NS;
+use docktwin_hil::{clock::VirtualClock, scheduler::Loop};
+use docktwin_rigport::ipc::IpcRig;
+use docktwin_study::table4::{TABLE_4, VibroSettings, VibroTest};
 
 #[test]
 fn oracle_table_4_row_3_on_a_rig_without_delay_is_as_in_nature() {
@@ -28,7 +26,8 @@ fn oracle_table_4_row_3_on_a_rig_without_delay_is_as_in_nature() {
         let Some(_child) = python_rig(&name, Sensors::AsOfSteel, &options) else { return };
         let rig = IpcRig::connect(&name, Duration::from_secs(60)).expect("the rig comes");
         let test = VibroTest::new(TABLE_4[2], &[axis(along)], &m.body, &m.stick).expect("a test");
-        let idle = Loop::new(test.setup(&m.rig, &settings), rig, VirtualClock::new(PERIOD_NS));
+        let setup = test.setup(&m.rig, &settings).expect("it can be run");
+        let idle = Loop::new(setup, rig, VirtualClock::new(PERIOD_NS));
         let run = test.run(idle, |_| ()).expect("armed, and answered to the end");
         assert_eq!(run.trip, None, "{along}");
         assert!(!run.contacts.is_empty());

@@ -4,23 +4,20 @@
 mod common;
 mod stand;
 
-use common::stick::{Fate, Spoilt};
-use docktwin_control::safety::Limit;
+use common::stick::Watched;
+use docktwin_control::{feedforward::LegCorrections, safety::Limit};
 use docktwin_core::{DQuat, DVec3, Pose};
 use docktwin_hil::{
     drive::DriveError,
-    port::{RigMeasurement, RigMode},
-    scheduler::LegCorrections,
+    faults::{Fault, FaultKind, Instrument, When},
 };
+use docktwin_rigport::message::RigMode;
 use stand::{Stand, free_stick};
 
-/// Draws back from `from`, every measurement spoilt; the modes that were sent, too.
-fn drawn_back(
-    from: &Pose,
-    spoil: impl FnMut(RigMeasurement) -> Fate,
-) -> (Result<Pose, DriveError>, Vec<u32>) {
+/// Draws back from `from` with faults; the modes that were sent, too.
+fn drawn_back(from: &Pose, faults: &[Fault]) -> (Result<Pose, DriveError>, Vec<u32>) {
     let stand = Stand::new(None);
-    let rig = Spoilt::new(stand.emulated(free_stick(), from), spoil);
+    let rig = Watched::new(stand.emulated(free_stick(), from), faults);
     let sent = rig.sent.clone();
     let mut drive = stand.lead(rig, LegCorrections::default());
     (drive.retract(), sent.take())
@@ -37,7 +34,7 @@ fn aside() -> Pose {
 fn oracle_it_comes_to_rest_where_nothing_touches() {
     let middle = Stand::new(None).middle();
     for from in [aside(), Pose::new(middle.p, aside().q)] {
-        let stands = drawn_back(&from, |m| Ok(Some(m))).0.expect("nothing is in its way");
+        let stands = drawn_back(&from, &[]).0.expect("nothing is in its way");
         let off = middle.inverse() * stands;
         assert!(off.p.length() < 1e-3 && off.q.to_scaled_axis().length() < 1e-3, "{off:?}");
     }
@@ -45,29 +42,19 @@ fn oracle_it_comes_to_rest_where_nothing_touches() {
 
 #[test]
 fn invariant_what_goes_wrong_on_the_way_ends_it() {
-    let (held, sent) = drawn_back(&aside(), |mut m| {
-        m.mechanism[9] = 1.0;
-        Ok(Some(m))
-    });
+    let joined = Fault::from(FaultKind::JoinedReads, When::Tick(0));
+    let (held, sent) = drawn_back(&aside(), &[joined]);
     assert_eq!(held, Err(DriveError::Joined));
     assert!(sent.ends_with(&[RigMode::Idle as u32]), "left without a stop");
-    for (limit, spoil) in [
-        (
-            Limit::Force,
-            (|m: &mut RigMeasurement| m.sensor_a[0] -= 800.0) as fn(&mut RigMeasurement),
-        ),
-        (Limit::LegForce, |m| m.leg_force_n[3] = 7e4),
-        (Limit::Stroke, |m| m.leg_length_m[2] = 9.0),
-        (Limit::Rig, |m| m.status &= !docktwin_hil::port::status::ENABLED),
+    let later = |what| Fault::from(what, When::Tick(1000));
+    for (limit, fault) in [
+        (Limit::Force, later(FaultKind::Offset(Instrument::SensorA, 0)).sized(-800.0)),
+        (Limit::LegForce, later(FaultKind::ForceReads(3)).sized(7e4)),
+        (Limit::Stroke, later(FaultKind::LengthReads(2)).sized(9.0)),
+        (Limit::Rig, later(FaultKind::SupplyLost)),
+        (Limit::Watchdog, later(FaultKind::Missing)),
     ] {
-        let mut ticks = 0;
-        let (ended, sent) = drawn_back(&aside(), |mut m| {
-            ticks += 1;
-            if ticks > 1000 {
-                spoil(&mut m);
-            }
-            Ok(Some(m))
-        });
+        let (ended, sent) = drawn_back(&aside(), &[fault]);
         match (limit, ended) {
             // Lengths of no pose are known for that before they are a limit.
             (Limit::Stroke, Err(DriveError::Pose)) => {}
@@ -76,10 +63,4 @@ fn invariant_what_goes_wrong_on_the_way_ends_it() {
         }
         assert!(sent.contains(&(RigMode::Stop as u32)));
     }
-    let mut ticks = 0;
-    let (silent, _) = drawn_back(&aside(), |m| {
-        ticks += 1;
-        Ok((ticks < 1000).then_some(m))
-    });
-    assert!(matches!(silent, Err(DriveError::Trip(t)) if t.limit == Limit::Watchdog), "{silent:?}");
 }

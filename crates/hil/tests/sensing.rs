@@ -5,22 +5,23 @@ mod stand;
 
 use core::time::Duration;
 
-use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
+use docktwin_control::{
+    compensation::Compensation, feedforward::LegCorrections, sensing::SensorScheme,
+};
 use docktwin_core::{DQuat, DVec3, Euler};
 use docktwin_hil::{
     calibrate::{CalibrateSetup, Calibration, Touch, calibrate},
     clock::VirtualClock,
     identify::Identification,
-    in_process::InProcess,
-    port::wrench,
-    scheduler::{LegCorrections, Loop, LoopSetup, Phase, TickRecord},
-    vibro::{Axis, TABLE_4, VibroSettings, VibroTest, believed_delays_s},
+    scheduler::{Loop, LoopSetup, Phase, RigParameters, TickRecord, believed_delays_s},
 };
 use docktwin_model::{load_mechanism, load_spacecraft};
 use docktwin_physics::{
     initial::{ContactConditions, initial_state},
     mechanism::System,
 };
+use docktwin_rigport::{in_process::InProcess, message::wrench};
+use docktwin_study::table4::{Axis, TABLE_4, VibroSettings, VibroTest};
 use stand::{Stand, TICK_S, body, free_stick, model, stick};
 
 struct Known {
@@ -52,14 +53,9 @@ fn known(seed: u64) -> Known {
 
 impl Known {
     fn apply(&self, setup: &mut LoopSetup, scheme: SensorScheme) {
-        let sensors = self.stand.rig.sensors.expect("as the model says");
-        let file = &sensors.force;
         setup.scheme = scheme;
-        setup.corrections = self.found.corrections();
-        setup.payload = self.sensors.payload;
-        // What B carries is felt when the plate is there, and read later still.
-        setup.interface_delay_s = self.found.delay_s() + self.sensors.lag_s(1, file);
-        setup.accelerometers_ahead_s = self.sensors.accelerometers_ahead_s(&sensors);
+        setup.parameters =
+            RigParameters::new(&self.stand.rig, Some(&self.found), Some(&self.sensors));
     }
 
     /// Errors of the closed loop at port 3 (sensor A) and at port 4 (by the scheme). The truth is taken
@@ -153,7 +149,7 @@ fn oracle_two_sensors_carry_the_lightest_bodies() {
             let test = VibroTest::new(TABLE_4[case - 1], &[*dof], &body(), &stick())
                 .expect("as the model says");
             let rig = InProcess::new(stand.emulated(test.system.clone(), &stand.middle()));
-            let setup = test.setup(&stand.rig, &settings);
+            let setup = test.setup(&stand.rig, &settings).expect("as the model says");
             let idle = Loop::new(setup, rig, VirtualClock::new(stand::TICK_NS));
             let run = test.run(idle, |_| {}).expect("as the model says");
             assert!(run.trip.is_none() && run.contacts.len() == 4);
@@ -170,8 +166,8 @@ fn oracle_two_sensors_carry_the_lightest_bodies() {
     let test = VibroTest::new(TABLE_4[5], &[Axis::ALL[0].1], &body(), &stick())
         .expect("as the model says");
     let rig = InProcess::new(without.emulated(test.system.clone(), &without.middle()));
-    let idle =
-        Loop::new(test.setup(&without.rig, &settings), rig, VirtualClock::new(stand::TICK_NS));
+    let setup = test.setup(&without.rig, &settings).expect("as the model says");
+    let idle = Loop::new(setup, rig, VirtualClock::new(stand::TICK_NS));
     let run = test.run(idle, |_| {}).expect("as the model says");
     assert!(run.trip.is_some(), "by the motion commanded it ran as well");
 }
@@ -221,7 +217,7 @@ fn oracle_both_schemes_with_the_docking_mechanism() {
 /// unexplained.
 fn ring_inertia_n(records: &[TickRecord], mass_kg: f64) -> [f64; 2] {
     let closed: Vec<_> = records.iter().filter(|r| r.phase == Phase::Closed).collect();
-    let at = |r: &TickRecord| DVec3::from_slice(&r.measurement.mechanism[3..6]);
+    let at = |r: &TickRecord| DVec3::from_array(r.measurement.ring_displacement_m);
     let mut out = [0.0_f64; 2];
     for three in closed.windows(3) {
         let m = &three[1].measurement;

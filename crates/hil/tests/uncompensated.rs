@@ -10,17 +10,17 @@ use docktwin_hil::{
     emulated::SENSOR_STREAM,
     identify::{FREQUENCIES_HZ, Identification},
     scheduler::Phase,
-    vibro::{Axis, Contact, TABLE_4, VibroTest},
 };
 use docktwin_physics::sensor::SensorParameters;
+use docktwin_study::table4::{Axis, Contact, TABLE_4, VibroTest};
 use stand::{Stand, body, stick};
 
 fn contact(stand: &Stand, test: &VibroTest, found: &Identification) -> Contact {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
     let ticks = (test.duration_s(1) * 1e3) as u64;
     let mut setup = stand.loop_setup(&test.system, &test.bodies, test.run_up_s(), ticks);
-    setup.corrections = found.corrections();
-    setup.interface_delay_s = found.delay_s();
+    setup.parameters.corrections = found.corrections();
+    setup.parameters.interface_delay_s = found.delay_s();
     let records = stand.run(setup, test.system.clone(), &stand.middle());
     let samples: Vec<_> = records
         .iter()

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use docktwin_control::{rig::RigSetup, safety::SafetyLimits};
+use docktwin_control::{feedforward::LegCorrections, rig::RigSetup, safety::SafetyLimits};
 use docktwin_core::Pose;
 use docktwin_hil::{
     calibrate::{CalibrateSetup, Calibration, Touch, calibrate as calibrate_on},
@@ -14,13 +14,11 @@ use docktwin_hil::{
     drive::{Drive, DriveSetup},
     emulated::{EmulatedRig, clear},
     identify::{FREQUENCIES_HZ, Identification, IdentifySetup, identify as identify_on},
-    in_process::InProcess,
     realtime::relax,
-    rig::Rig,
-    scheduler::LegCorrections,
 };
 use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
 use docktwin_physics::mechanism::System;
+use docktwin_rigport::{in_process::InProcess, rig::Rig};
 use docktwin_scenario::{Loader, Scenario, resolve_path};
 
 use crate::{

@@ -1,8 +1,9 @@
 //! Why a run cannot begin or go on.
 
-use docktwin_hil::{rig::RigError, scheduler::ArmError};
+use docktwin_hil::scheduler::{ArmError, SetupProblems};
 use docktwin_model::{ModelErrors, Problem};
 use docktwin_record::RecordError;
+use docktwin_rigport::rig::RigError;
 use docktwin_scenario::ScenarioErrors;
 
 use crate::{rigfile::RigFileError, setup::StartOverlap};
@@ -76,6 +77,12 @@ impl RunError {
 impl From<ScenarioErrors> for RunError {
     fn from(e: ScenarioErrors) -> Self {
         Self::Input { problems: e.problems }
+    }
+}
+
+impl From<SetupProblems> for RunError {
+    fn from(e: SetupProblems) -> Self {
+        Self::usage(e.to_string(), "correct the scenario or the option that gives it")
     }
 }
 

@@ -18,7 +18,7 @@ pub enum RunEvent {
         /// Sum of its normal forces, N.
         force_n: f64,
     },
-    /// A pair of surfaces has parted for longer than [`docktwin_physics::events::CONTACT_GAP_S`].
+    /// A pair of surfaces has parted for longer than [`docktwin_core::CONTACT_GAP_NS`].
     ContactEnd {
         /// Which pair.
         pair: SurfacePair,

@@ -6,24 +6,26 @@
 
 use std::collections::VecDeque;
 
-use docktwin_core::{DVec3, SimTime, Tick};
-use docktwin_hil::{port::status, scheduler::TickRecord};
+use docktwin_core::{CONTACT_GAP_NS, DVec3, PERIOD_NS, PORT_CONTACT_N, SimTime, Tick};
+use docktwin_hil::scheduler::TickRecord;
 use docktwin_physics::{
     body::BodyState,
     mechanism::{CHASER, System, TARGET},
     reduced::Inputs,
 };
 use docktwin_record::Fidelity;
+use docktwin_rigport::message::Capabilities;
 
 use crate::{
-    telemetry::{CONTACT_N, port_speed},
+    telemetry::port_speed,
     twin::{TickedTwin, TwinKind},
 };
 
 /// Steps of the simulated system in a tick of 1 ms, as the reduced twin has by default.
 const STEPS: u32 = 10;
-/// A contact that is interrupted for no more than so many ticks is one.
-const GAP_TICKS: usize = 20;
+/// Ticks that a contact may be interrupted for.
+#[expect(clippy::cast_possible_truncation, reason = "20")]
+const GAP_TICKS: usize = (CONTACT_GAP_NS / PERIOD_NS) as usize;
 /// Ticks before first contact, and after its end, at which speeds are compared.
 const SPEED_BEFORE: usize = 5;
 const SPEED_AFTER: usize = 15;
@@ -55,7 +57,7 @@ pub fn trace(system: &System, r: &TickRecord) -> Trace {
     let m = &r.measurement;
     let truth = DVec3::from_slice(&m.truth_port4[..3]);
     Trace {
-        force_n: if m.has(status::TRUTH) { truth } else { r.ports.port4.f },
+        force_n: if m.has(Capabilities::TRUTH) { truth } else { r.ports.port4.f },
         position_m: r.x_34.p,
         speed_m_s: port_speed(system, &r.bodies),
         kinetic_j: kinetic(system, &r.bodies),
@@ -100,7 +102,7 @@ impl FirstContact {
             self.speeds.pop_front();
         }
         self.speeds.push_back(t.speed_m_s);
-        let on = force > CONTACT_N;
+        let on = force > PORT_CONTACT_N;
         if on && self.begin.is_none() {
             self.begin = Some(self.ticks);
             let back = SPEED_BEFORE.min(self.ticks);

@@ -1,7 +1,7 @@
 //! What is gathered along a run, tick by tick, whoever runs it: events, the account of energy and
 //! momentum, the digest of all states, step times; and the summary and verdict made of them.
 
-use docktwin_core::{Digest, SimTime, StateHasher, Wrench};
+use docktwin_core::{ContactChange, ContactSpan, Digest, SimTime, StateHasher, Wrench};
 use docktwin_model::DockingMechanism;
 use docktwin_physics::{
     contact::{PAIRS, SurfacePair},
@@ -15,8 +15,6 @@ use hdrhistogram::Histogram;
 
 use crate::{event::RunEvent, signals::Instant};
 
-/// A contact that is interrupted for less than this is one contact in the events, s.
-pub const CONTACT_GAP_S: f64 = 0.02;
 /// An energy account that is off by more than this share of the energy put in is a defect.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
@@ -31,8 +29,8 @@ pub struct Observed<'a> {
     pub seen: &'a Observation,
     /// Control wrenches held from this instant.
     pub control: &'a Inputs,
-    /// Time, s.
-    pub time_s: f64,
+    /// Instant of the tick.
+    pub time: SimTime,
 }
 
 /// What a summary needs beside what was observed.
@@ -115,7 +113,6 @@ impl Observer {
     }
 
     fn watch_contacts(&mut self, o: &Observed<'_>, events: &mut Vec<RunEvent>) {
-        let t = o.time_s;
         let mut force = [None; PAIRS];
         for c in o.now.contacts() {
             let f: &mut Option<f64> = &mut force[c.pair];
@@ -123,21 +120,16 @@ impl Observer {
         }
         for (i, history) in self.contacts.iter_mut().enumerate() {
             let pair = SurfacePair::from_index(i);
-            match (force[i], history.since_s) {
-                (Some(force_n), None) => {
-                    *history = PairHistory { since_s: Some(t), last_s: t, peak_n: force_n };
-                    events.push(RunEvent::ContactBegin { pair, force_n });
-                }
-                (Some(force_n), Some(_)) => {
-                    history.last_s = t;
-                    history.peak_n = history.peak_n.max(force_n);
-                }
-                (None, Some(since_s)) if t - history.last_s > CONTACT_GAP_S => {
-                    let PairHistory { last_s: until_s, peak_n, .. } = *history;
-                    *history = PairHistory::default();
-                    events.push(RunEvent::ContactEnd { pair, since_s, until_s, peak_n });
-                }
-                _ => {}
+            let change = history.span.observe(o.time, force[i].is_some());
+            if let Some(ContactChange::Ended { begin, end }) = change {
+                let [since_s, until_s] = [begin.seconds(), end.seconds()];
+                let peak_n = core::mem::take(&mut history.peak_n);
+                events.push(RunEvent::ContactEnd { pair, since_s, until_s, peak_n });
+            }
+            let Some(force_n) = force[i] else { continue };
+            history.peak_n = history.peak_n.max(force_n);
+            if change == Some(ContactChange::Began) {
+                events.push(RunEvent::ContactBegin { pair, force_n });
             }
         }
     }
@@ -273,8 +265,7 @@ pub const fn expected_outcome(outcome: Judged) -> ExpectedOutcome {
 /// A pair of surfaces so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct PairHistory {
-    since_s: Option<f64>,
-    last_s: f64,
+    span: ContactSpan,
     peak_n: f64,
 }
 

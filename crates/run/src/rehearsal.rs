@@ -356,8 +356,7 @@ impl<S: Sink> RunningRehearsal<'_, S> {
         let (tick, time) = (Tick(self.tick), self.time());
         let system = self.twin.twin().system();
         let seen = self.now.observation(time.seconds());
-        let observed =
-            Observed { system, now: &self.now, seen: &seen, control, time_s: time.seconds() };
+        let observed = Observed { system, now: &self.now, seen: &seen, control, time };
         self.observer.observe(&observed, &mut self.events);
         let due = !self.events.is_empty() || self.last;
         let told = self.recorder.events(&mut self.sink, &mut self.events, tick, time);

@@ -4,16 +4,16 @@
 use core::{fmt, str::FromStr};
 use std::{path::Path, time::Duration};
 
-use docktwin_control::compensator::{Compensation, MOST_LEAD_S};
+use docktwin_control::compensation::{Compensation, MOST_LEAD_S};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::Clock,
     identify::Identification,
-    ipc::IpcRig,
     realtime::{RealtimeReport, RealtimeSetup, Shortage, keep_others_off},
     scheduler::Check,
 };
 use docktwin_model::Rig as RigModel;
+use docktwin_rigport::ipc::IpcRig;
 use docktwin_scenario::CompensatorChoice;
 
 use crate::{

@@ -6,7 +6,7 @@
 //! are the model's at that pose, because no rig measures them; `energy_lost` is what has left the
 //! motion of the bodies through the ports, so that below zero the loop has put energy in.
 
-use docktwin_core::{DVec3, Pose, Wrench};
+use docktwin_core::{DVec3, PORT_CONTACT_N, Pose, Wrench};
 use docktwin_hil::scheduler::TickRecord;
 use docktwin_physics::{
     body::BodyState,
@@ -18,9 +18,6 @@ use docktwin_physics::{
 use docktwin_record::{Cell, Column};
 
 use crate::signals::{Instant, XYZ, columns};
-
-/// A force at a port beyond this is contact, N: far above the noise of the sensors.
-pub const CONTACT_N: f64 = 5.0;
 
 /// Columns of a run against a rig: those of a docking, then those of [`loop_row`].
 #[must_use]
@@ -59,6 +56,7 @@ pub fn hil_columns() -> Vec<Column> {
     }
     out.push(Column::u64("/loop", "loop_phase"));
     out.push(Column::u64("/loop", "rig_status"));
+    out.push(Column::u64("/loop", "rig_capabilities"));
     out.push(Column::bool("/loop", "measurement_fresh"));
     out.push(Column::f64("/loop", "wakeup_lateness_us"));
     out.push(Column::f64("/loop", "compute_time_us"));
@@ -93,7 +91,8 @@ pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
         );
     }
     out.push(Cell::from(r.phase as u64));
-    out.push(Cell::from(u64::from(m.status)));
+    out.push(Cell::from(u64::from(m.status.bits())));
+    out.push(Cell::from(u64::from(m.capabilities.bits())));
     out.push(Cell::from(r.fresh));
     #[expect(clippy::cast_precision_loss, reason = "times far below 2^53 ns")]
     let us = |ns: u64| if timed { ns as f64 * 1e-3 } else { 0.0 };
@@ -143,10 +142,10 @@ impl Watcher {
     ) -> DockingState {
         let mass = system.mass();
         let m = &r.measurement;
-        for (latch, phase) in self.latches.iter_mut().zip(m.mechanism) {
+        for (latch, phase) in self.latches.iter_mut().zip(m.latch_phases()) {
             let phase = [LatchPhase::Latched, LatchPhase::Struck, LatchPhase::Approach]
                 .into_iter()
-                .find(|p| phase >= f64::from(*p as u8))
+                .find(|p| *phase >= u32::from(*p as u8))
                 .unwrap_or_default();
             latch.phase = phase;
             for (i, reached) in [LatchPhase::Approach, LatchPhase::Struck, LatchPhase::Latched]
@@ -158,7 +157,7 @@ impl Watcher {
                 }
             }
         }
-        if m.mechanism[9] > 0.5 {
+        if m.is_joined() == Some(true) {
             self.captured_s.get_or_insert(time_s);
         }
         let losses = self.state.mechanism.losses;
@@ -166,10 +165,8 @@ impl Watcher {
         self.state.mechanism.losses = losses;
 
         let [chaser, target] = r.bodies;
-        let offset = Pose::new(
-            DVec3::from_slice(&m.mechanism[3..6]),
-            docktwin_core::DQuat::from_scaled_axis(DVec3::from_slice(&m.mechanism[6..9])),
-        );
+        let [d, psi] = m.ring().unwrap_or_default();
+        let offset = Pose::new(d, docktwin_core::DQuat::from_scaled_axis(psi));
         let ring = chaser.pose() * system.ring_at_rest() * offset;
         let t = chaser.twist(&mass[CHASER]);
         let v = t.v + t.w.cross(ring.p - chaser.p);
@@ -183,7 +180,7 @@ impl Watcher {
         s.step += 1;
         s.peak_force_n = s.peak_force_n.max(force);
         s.peak_moment_nm = s.peak_moment_nm.max(moment);
-        if force > CONTACT_N {
+        if force > PORT_CONTACT_N {
             s.first_contact_s.get_or_insert(time_s);
         }
         if self.captured_s.is_none() {

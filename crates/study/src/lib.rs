@@ -37,6 +37,7 @@ mod number;
 mod parallel;
 pub mod rig;
 pub mod single_dof;
+pub mod table4;
 pub mod vibro_impact;
 
 pub use docktwin_run::progress::Progress;

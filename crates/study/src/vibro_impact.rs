@@ -3,14 +3,14 @@
 //!
 //! Nothing is lost in the stick, so R_e (speed after over speed before, of the body programme) and R_T
 //! (duration of contact over π√(m_r/K)) would both be 1; what is missing or too much is the loop's.
-//! [`docktwin_hil::vibro`] has one test; here many are run, on the rig and on rigs drawn within the
+//! [`crate::table4`] has one test; here many are run, on the rig and on rigs drawn within the
 //! spread of its file, and put together. How a test reaches a rig is the caller's part
 //! ([`vibro_impact`]); [`on_emulated_rig`] is one way.
 //!
 //! ```
 //! # use std::path::Path;
 //! # use docktwin_model::{load_mechanism, load_rig, load_spacecraft};
-//! use docktwin_control::compensator::Compensation;
+//! use docktwin_control::compensation::Compensation;
 //! use docktwin_study::vibro_impact::{VibroModels, VibroOptions, on_emulated_rig, vibro_impact};
 //!
 //! # let at = |name: &str| Path::new("../../models/urdf").join(name);
@@ -33,24 +33,23 @@
 use core::{fmt, str::FromStr, time::Duration};
 
 use docktwin_control::{
-    compensator::{Compensation, Compensator as _, MOST_LEAD_S},
+    compensation::{Compensation, MOST_LEAD_S},
     sensing::SensorScheme,
 };
+use docktwin_core::PERIOD_NS;
 use docktwin_hil::{
     clock::{Clock, VirtualClock},
     emulated::{EmulatedRig, EmulationError},
-    in_process::InProcess,
-    rig::Rig as RigPort,
     scheduler::{Loop, TickRecord},
-    vibro::{
-        Axis, Contact, PERIOD_NS, Row, Sample, TABLE_4, VibroError, VibroRun, VibroSettings,
-        VibroTest,
-    },
 };
 use docktwin_model::{DockingMechanism, HydraulicPreset, Rig, Spacecraft};
+use docktwin_rigport::{in_process::InProcess, rig::Rig as RigPort};
 use serde::{Deserialize, Serialize};
 
-use crate::Progress;
+use crate::{
+    Progress,
+    table4::{Axis, Contact, Row, Sample, TABLE_4, VibroError, VibroRun, VibroSettings, VibroTest},
+};
 
 /// Rows that the paper has; one more, at 5 Hz, is docktwin's.
 pub const PAPER_CASES: usize = 6;
@@ -667,7 +666,7 @@ pub fn run_test<R: RigPort, K: Clock>(
     clock: K,
 ) -> Result<TestRun, VibroError> {
     let mut timing = LoopTiming::default();
-    let idle = Loop::new(test.setup(believed, settings), rig, clock);
+    let idle = Loop::new(test.setup(believed, settings)?, rig, clock);
     let run = test.run(idle, |r| timing.add(r))?;
     Ok(TestRun { run, timing })
 }
@@ -723,7 +722,7 @@ pub fn emulated_rig(
 mod tests {
     use std::path::Path;
 
-    use docktwin_hil::vibro::believed_delays_s;
+    use docktwin_hil::scheduler::believed_delays_s;
     use docktwin_model::{load_mechanism, load_rig, load_spacecraft};
 
     use super::*;

@@ -2,10 +2,8 @@
 
 use std::{process::ExitCode, sync::atomic::Ordering};
 
-use docktwin_hil::{
-    ipc::{RigEvent, RigServer, ServeOptions},
-    realtime::{catch_termination, relax},
-};
+use docktwin_hil::realtime::{catch_termination, relax};
+use docktwin_rigport::ipc::{RigEvent, RigServer, ServeOptions};
 use docktwin_run::commission::Stand;
 use serde_json::json;
 

@@ -5,14 +5,13 @@ use std::{
     path::Path,
 };
 
-use docktwin_core::{DVec3, SimTime, Tick};
+use docktwin_core::{ContactChange, ContactSpan, DVec3, SimTime, Tick};
 use docktwin_physics::contact::{PAIRS, SurfacePair};
 use docktwin_record::{
     Cell, Column, ColumnKind, ContactRow, Event, Policy, RecordError, RunWriter, Summary, files,
     read_table,
 };
 use docktwin_run::{
-    observer::CONTACT_GAP_S,
     provenance::{ModelCopies, digest_keys},
     signals::columns,
 };
@@ -139,8 +138,8 @@ fn contact_rows(t: &Table, path: &Path) -> Result<BTreeMap<u64, Vec<ContactRow>>
 /// Events as far as the tables tell them.
 #[derive(Default)]
 struct Events {
-    /// By pair: since when, last seen, s.
-    touching: BTreeMap<u16, (f64, f64)>,
+    /// By pair.
+    touching: BTreeMap<u16, ContactSpan>,
     phases: [u64; 3],
     captured: bool,
 }
@@ -160,30 +159,28 @@ impl Events {
             out.push(Event::new(tick, time, kind, text, body));
         };
         let here: BTreeSet<u16> = contacts.iter().map(|c| c.pair).collect();
-        for pair in here {
-            self.touching.entry(pair).and_modify(|(_, last)| *last = t).or_insert_with(|| {
-                let name = SurfacePair::from_index(usize::from(pair)).to_string();
-                tell(
+        for pair in &here {
+            self.touching.entry(*pair).or_default();
+        }
+        for (pair, span) in &mut self.touching {
+            let name = SurfacePair::from_index(usize::from(*pair)).to_string();
+            match span.observe(time, here.contains(pair)) {
+                Some(ContactChange::Began) => tell(
                     "contact_begin",
                     format!("t = {t:.3} s {name} touch"),
                     json!({ "pair": name }),
-                );
-                (t, t)
-            });
-        }
-        self.touching.retain(|pair, (since, last)| {
-            let parted = t - *last > CONTACT_GAP_S;
-            if parted {
-                let name = SurfacePair::from_index(usize::from(*pair)).to_string();
-                let text = format!("t = {last:.3} s {name} part after {:.3} s", *last - *since);
-                tell(
-                    "contact_end",
-                    text,
-                    json!({ "pair": name, "since_s": *since, "until_s": *last }),
-                );
+                ),
+                Some(ContactChange::Ended { begin, end }) => {
+                    let [since_s, until_s] = [begin.seconds(), end.seconds()];
+                    tell(
+                        "contact_end",
+                        format!("t = {until_s:.3} s {name} part after {:.3} s", until_s - since_s),
+                        json!({ "pair": name, "since_s": since_s, "until_s": until_s }),
+                    );
+                }
+                None => {}
             }
-            !parted
-        });
+        }
         for (i, (seen, now)) in self.phases.iter_mut().zip(phases).enumerate() {
             if *seen == now {
                 continue;

@@ -8,21 +8,21 @@ use std::{
 };
 
 use clap::Args;
-use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
+use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
 use docktwin_hil::{
     clock::{OverrunPolicy, RealtimeClock, VirtualClock},
-    in_process::InProcess,
     realtime::relax,
-    rig::Rig,
-    vibro::{VibroTest, believed_delays_s},
+    scheduler::believed_delays_s,
 };
 use docktwin_model::{
     DockingMechanism, Rig as RigModel, Spacecraft, load_mechanism, load_rig, load_spacecraft,
 };
 use docktwin_plot::{Axis as PlotAxis, Colour, Dash, Line, Plot, PlotError};
+use docktwin_rigport::{in_process::InProcess, rig::Rig};
 use docktwin_scenario::{CompensatorChoice, resolve_path};
 use docktwin_study::{
     Progress,
+    table4::VibroTest,
     vibro_impact::{
         AxisSet, CASES, ContactFigures, LoopTiming, RigDraw, SimulatedState, TestRun, VibroFigures,
         VibroImpact, VibroImpactError, VibroModels, VibroOptions, VibroRecord, VibroSummary,

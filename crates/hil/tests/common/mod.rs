@@ -14,13 +14,14 @@ use std::{
 };
 
 use docktwin_core::{DVec3, Pose};
-use docktwin_hil::{
-    ideal::IdealRig,
-    ipc::{RigServer, ServeOptions},
-    port::{RigCommand, RigMeasurement, RigMode, flag, status},
-    rig::{Plant, Rig},
-};
+use docktwin_hil::ideal::IdealRig;
 use docktwin_model::Stick;
+use docktwin_rigport::{
+    clock::monotonic_ns,
+    ipc::{RigServer, ServeOptions},
+    message::{Capabilities, Flags, RigCommand, RigMeasurement, RigMode, Status, attitude},
+    rig::{CommandForm, Plant, Rig},
+};
 
 pub(crate) const MS: u64 = 1_000_000;
 /// Far longer than any answer takes, on a machine that does other things besides.
@@ -59,6 +60,40 @@ pub(crate) fn ideal() -> IdealRig {
     IdealRig::new(&rig, STICK, middle().x, start())
 }
 
+/// A rig that takes no leg values and has no legs: it follows the plate's pose, and measures it without
+/// error.
+pub(crate) struct PoseOnly<P>(pub(crate) P);
+
+impl<P> PoseOnly<P> {
+    fn without_legs(mut m: RigMeasurement) -> RigMeasurement {
+        let legs = Capabilities::LEG_LENGTH
+            | Capabilities::LEG_SPEED
+            | Capabilities::LEG_FORCE
+            | Capabilities::VALVE_SPOOL;
+        m.capabilities -= legs;
+        m.capabilities |= Capabilities::PLATE_POSE | Capabilities::PLATE_TWIST;
+        m.leg_count = 0;
+        (m.plate_position_m, m.plate_attitude) = (m.truth_position_m, m.truth_attitude);
+        let [x, y, z, a, b, c] = m.truth_twist;
+        (m.plate_velocity_m_s, m.plate_rate_rad_s) = ([x, y, z], [a, b, c]);
+        m
+    }
+}
+
+impl<P: Plant> Plant for PoseOnly<P> {
+    fn command_form(&self) -> CommandForm {
+        CommandForm::POSE
+    }
+
+    fn answer(&mut self, command: &RigCommand) -> RigMeasurement {
+        Self::without_legs(self.0.answer(command))
+    }
+
+    fn alone(&mut self, period_ns: u64) -> RigMeasurement {
+        Self::without_legs(self.0.alone(period_ns))
+    }
+}
+
 /// A name that no other test uses at the same time.
 pub(crate) fn unique(what: &str) -> String {
     static COUNT: AtomicU64 = AtomicU64::new(0);
@@ -76,7 +111,8 @@ pub(crate) fn command(session: u64, tick: u64, mode: RigMode, x_bp: Pose) -> Rig
     let six = |base: f64| core::array::from_fn(|i| base + i as f64 / 8.0);
     RigCommand {
         mode: mode as u32,
-        flags: flag::LOCKSTEP,
+        flags: Flags::LOCKSTEP,
+        leg_count: 6,
         session,
         tick,
         loop_time_ns: tick * MS,
@@ -87,7 +123,7 @@ pub(crate) fn command(session: u64, tick: u64, mode: RigMode, x_bp: Pose) -> Rig
         leg_flow_speed_m_s: six(0.5),
         leg_force_n: six(1000.0),
         plate_position_m: x_bp.p.to_array(),
-        plate_attitude: [x_bp.q.w, x_bp.q.x, x_bp.q.y, x_bp.q.z],
+        plate_attitude: attitude(x_bp.q),
         plate_velocity_m_s: [0.01, 0.02, 0.03],
         plate_rate_rad_s: [0.1, 0.2, 0.3],
         ..RigCommand::zero()
@@ -96,25 +132,25 @@ pub(crate) fn command(session: u64, tick: u64, mode: RigMode, x_bp: Pose) -> Rig
 
 /// The same on `CLOCK_MONOTONIC`, due now.
 pub(crate) fn now(mut c: RigCommand) -> RigCommand {
-    c.flags &= !flag::LOCKSTEP;
-    c.wakeup_ns = docktwin_hil::realtime::monotonic_ns();
+    c.flags -= Flags::LOCKSTEP;
+    c.wakeup_ns = monotonic_ns();
     c
 }
 
-/// Sends, waits for the answer, and returns it as the loop would judge it one period later.
+/// Sends, waits for the answer, and returns it as the loop would validate it one period later.
 pub(crate) fn exchange(rig: &mut dyn Rig, c: &RigCommand) -> RigMeasurement {
-    let later_ns = if c.flags & flag::LOCKSTEP == 0 {
-        docktwin_hil::realtime::monotonic_ns().max(c.wakeup_ns) + 3_600_000 * MS
-    } else {
+    let later_ns = if c.flags.contains(Flags::LOCKSTEP) {
         c.loop_time_ns + c.period_ns
+    } else {
+        monotonic_ns().max(c.wakeup_ns) + 3_600_000 * MS
     };
     exchange_by(rig, c, later_ns)
 }
 
-/// Sends, waits for the answer, and judges it at `later_ns`.
+/// Sends, waits for the answer, and validates it at `later_ns`.
 pub(crate) fn exchange_by(rig: &mut dyn Rig, c: &RigCommand, later_ns: u64) -> RigMeasurement {
     rig.send(c).expect("sent");
-    let answer = rig.receive(PATIENCE, later_ns).expect("judged good");
+    let answer = rig.receive(PATIENCE, later_ns).expect("validated");
     answer.expect("an answer within the patience")
 }
 
@@ -122,7 +158,7 @@ pub(crate) fn exchange_by(rig: &mut dyn Rig, c: &RigCommand, later_ns: u64) -> R
 pub(crate) fn begin(rig: &mut dyn Rig, session: u64, x_bp: Pose) -> RigMeasurement {
     exchange(rig, &command(session, 0, RigMode::Idle, x_bp));
     let m = exchange(rig, &command(session, 1, RigMode::Track, x_bp));
-    assert!(!m.has(status::SAFE_STATE), "{m:?}");
+    assert!(!m.is(Status::SAFE_STATE), "{m:?}");
     m
 }
 
@@ -191,7 +227,7 @@ pub(crate) fn start_again(test: &str, role: &str) -> Process {
     Process(child.expect("a process"))
 }
 
-/// What the sensors of the rig in Python feel.
+/// What the sensors of the rig in Python measure.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sensors {
     /// The contact alone.

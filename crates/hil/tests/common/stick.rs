@@ -1,19 +1,22 @@
-//! The validation stick, its runs, and rigs that spoil what they measure.
+//! The validation stick, its runs, and rigs with faults.
 
 use std::{cell::RefCell, path::Path, rc::Rc, time::Duration};
 
-use docktwin_control::{compensator::Compensation, sensing::SensorScheme};
+use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
 use docktwin_hil::{
     emulated::EmulatedRig,
-    in_process::InProcess,
-    port::{RigCommand, RigMeasurement, Sequence},
-    rig::{Rig, RigError},
-    vibro::{Axis, VibroSettings, VibroTest},
+    faults::{Fault, FaultyRig},
 };
 use docktwin_model::{
     DockingMechanism, HydraulicPreset, Rig as RigModel, Spacecraft, load_mechanism, load_rig,
     load_spacecraft,
 };
+use docktwin_rigport::{
+    in_process::InProcess,
+    message::{RigCommand, RigMeasurement},
+    rig::{Plant, Rig, RigError},
+};
+use docktwin_study::table4::{Axis, VibroSettings, VibroTest};
 
 pub(crate) struct Models {
     pub(crate) rig: RigModel,
@@ -53,41 +56,33 @@ pub(crate) fn emulated(m: &Models, test: &VibroTest) -> EmulatedRig {
     EmulatedRig::new(&m.rig, preset, None, 1, test.system.clone(), &rest).expect("a rig")
 }
 
-/// What becomes of a measurement on its way.
-pub(crate) type Fate = Result<Option<RigMeasurement>, RigError>;
-
 /// Modes that were sent, tick by tick.
 pub(crate) type Sent = Rc<RefCell<Vec<u32>>>;
 
-/// A rig whose measurements are spoilt on their way, and then judged as a transport judges them.
-pub(crate) struct Spoilt<R, F> {
-    rig: R,
-    spoil: F,
-    sequence: Sequence,
+/// The emulated rig with faults; what modes it is sent is kept.
+pub(crate) struct Watched<R> {
+    rig: FaultyRig<R>,
     /// Modes of all commands.
     pub(crate) sent: Sent,
 }
 
-impl<P: docktwin_hil::rig::Plant, F: FnMut(RigMeasurement) -> Fate> Spoilt<InProcess<P>, F> {
-    pub(crate) fn new(plant: P, spoil: F) -> Self {
-        let rig = InProcess::new(plant);
-        Self { rig, spoil, sequence: Sequence::default(), sent: Sent::default() }
+impl<P: Plant> Watched<InProcess<P>> {
+    pub(crate) fn new(plant: P, faults: &[Fault]) -> Self {
+        Self { rig: FaultyRig::new(InProcess::new(plant), faults), sent: Sent::default() }
     }
 }
 
-impl<R: Rig, F: FnMut(RigMeasurement) -> Fate> Rig for Spoilt<R, F> {
+impl<R: Rig> Rig for Watched<R> {
     fn send(&mut self, command: &RigCommand) -> Result<(), RigError> {
-        if command.session != self.sequence.session {
-            self.sequence = Sequence { session: command.session, tick: None };
-        }
         self.sent.borrow_mut().push(command.mode);
         self.rig.send(command)
     }
 
-    fn receive(&mut self, patience: Duration, now_ns: u64) -> Fate {
-        let Some(m) = self.rig.receive(patience, now_ns)? else { return Ok(None) };
-        let Some(m) = (self.spoil)(m)? else { return Ok(None) };
-        self.sequence.measurement(&m, now_ns).map_err(RigError::Refused)?;
-        Ok(Some(m))
+    fn receive(
+        &mut self,
+        patience: Duration,
+        now_ns: u64,
+    ) -> Result<Option<RigMeasurement>, RigError> {
+        self.rig.receive(patience, now_ns)
     }
 }

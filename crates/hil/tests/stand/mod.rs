@@ -4,24 +4,20 @@
 
 use std::{path::Path, time::Duration};
 
-use docktwin_control::{
-    compensator::Compensation, rig::RigSetup, safety::SafetyLimits, sensing::SensorScheme,
-};
+use docktwin_control::{feedforward::LegCorrections, rig::RigSetup, safety::SafetyLimits};
 use docktwin_core::Pose;
 use docktwin_hil::{
     clock::VirtualClock,
     drive::{Drive, DriveSetup},
     emulated::EmulatedRig,
     identify::{Identification, IdentifySetup, identify},
-    in_process::InProcess,
-    scheduler::{Approach, LegCorrections, Loop, LoopSetup, TickRecord},
+    scheduler::{Approach, Loop, LoopSetup, TickRecord},
 };
 use docktwin_model::{
     DockingMechanism, HydraulicPreset, Rig, Spacecraft, load_mechanism, load_rig, load_spacecraft,
 };
-use docktwin_physics::{
-    body::BodyState, mechanism::System, mounted::Payload, programme::Programme, reduced::Inputs,
-};
+use docktwin_physics::{body::BodyState, mechanism::System, mounted::Payload, reduced::Inputs};
+use docktwin_rigport::{in_process::InProcess, rig::Rig as RigPort};
 
 pub(crate) const TICK_NS: u64 = 1_000_000;
 pub(crate) const TICK_S: f64 = 1e-3;
@@ -74,7 +70,7 @@ impl Stand {
     }
 
     /// Leads any rig as this one.
-    pub(crate) fn lead<R: docktwin_hil::rig::Rig>(
+    pub(crate) fn lead<R: RigPort>(
         &self,
         rig: R,
         corrections: LegCorrections,
@@ -102,7 +98,7 @@ impl Stand {
         found
     }
 
-    /// What the loop knows of the rig before anything was calibrated.
+    /// What sensor B carries by the file.
     pub(crate) fn payload(&self) -> Payload {
         Payload::of(self.rig.passive_payload, &self.rig.x_4p.inverse())
     }
@@ -115,25 +111,12 @@ impl Stand {
         run_up_s: f64,
         ticks: u64,
     ) -> LoopSetup {
-        LoopSetup {
-            feedforward: self.believed().feedforward(),
-            corrections: LegCorrections::default(),
-            bodies: Programme::new(system, bodies, TICK_S),
-            compensation: Compensation::None,
-            added_ticks: 0,
-            scheme: SensorScheme::Single,
-            payload: self.payload(),
-            ring_mass_kg: system.ring_mass_kg(),
-            interface_delay_s: 1e-3,
-            accelerometers_ahead_s: 0.0,
-            limits: SafetyLimits::of_rig(&self.rig, 5e4, 5e4),
-            approach: Approach { speed_m_s: 0.05, rate_rad_s: 0.05, settle_s: 0.5, run_up_s },
-            ticks,
-            session: 1,
-            patience: Duration::ZERO,
-            dry_run: false,
-            rig: self.rig.clone(),
-        }
+        LoopSetup::builder(&self.rig, self.preset, system, bodies)
+            .loads(Some(5e4), Some(5e4))
+            .approach(Approach { speed_m_s: 0.05, rate_rad_s: 0.05, settle_s: 0.5, run_up_s })
+            .ticks(ticks)
+            .build()
+            .expect("as the model says")
     }
 
     /// Runs a loop to its end.

@@ -9,11 +9,11 @@ use std::time::Instant as WallInstant;
 
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
-    rig::Rig,
     scheduler::{Check, Loop, LoopTimes, Phase, Running, Stopped, TickRecord},
 };
 use docktwin_physics::reduced::Inputs;
 use docktwin_record::Summary;
+use docktwin_rigport::rig::Rig;
 
 pub(crate) use self::prepare::kept_name;
 pub use self::prepare::{HilOptions, HilRun};
@@ -27,7 +27,7 @@ use crate::{
 };
 
 /// Period of the loop, ns: 1 kHz.
-pub const PERIOD_NS: u64 = docktwin_hil::vibro::PERIOD_NS;
+pub const PERIOD_NS: u64 = docktwin_core::PERIOD_NS;
 /// The same, s.
 const PERIOD_S: f64 = 1e-3;
 /// Ticks between two reports of progress.

@@ -6,24 +6,20 @@ use std::{
 };
 
 use docktwin_control::{
-    compensator::Compensator as _,
     rig::RigSetup,
-    safety::{Limit, SafetyLimits, half_widths},
+    safety::{SafetyLimits, half_widths},
     sensing::SensorScheme,
 };
-use docktwin_core::{Digest, Pose};
+use docktwin_core::{Digest, PORT_CONTACT_N, Pose};
 use docktwin_hil::{
-    calibrate::{Calibration, accelerometers_ahead_s},
+    calibrate::Calibration,
     emulated::{EmulatedRig, clear},
-    identify::{Identification, sensor_interface},
-    in_process::InProcess,
-    scheduler::{Approach, Check, LegCorrections, LoopSetup, TickRecord},
-    vibro::believed_delays_s,
+    identify::Identification,
+    scheduler::{Approach, Check, LoopSetup, RigParameters, TickRecord},
 };
-use docktwin_model::{HydraulicPreset, Rig as RigModel, RigSensors, SixAxisSensor, load_rig_from};
-use docktwin_physics::{
-    body::BodyState, mechanism::System, mounted::Payload, programme::Programme,
-};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig_from};
+use docktwin_physics::{body::BodyState, mechanism::System, programme::Programme};
+use docktwin_rigport::in_process::InProcess;
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
 
 use super::{Commands, PERIOD_NS, check, seconds};
@@ -37,7 +33,6 @@ use crate::{
     },
     rigfile::{CalibrationFile, IdentificationFile, Origin, Read},
     setup::start,
-    telemetry::CONTACT_N,
 };
 
 /// Rig when neither scenario nor options name one.
@@ -56,8 +51,6 @@ const SETTLE_S: f64 = 0.6;
 /// Longest way of the run-up along the docking axis, m, and the times it may take, s.
 const RUN_UP_M: f64 = 0.1;
 const RUN_UP_S: [f64; 2] = [0.2, 4.0];
-/// Loads at which the supervisor stops, over the mechanism's own limits.
-const LOAD_MARGIN: f64 = 1.2;
 
 /// How a loop with a rig is run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -133,27 +126,10 @@ impl Known {
         })
     }
 
-    /// Delay of the plate and the lead that undoes plate and sensor, as identified.
-    fn delays_s(&self, sensor: &SixAxisSensor) -> Option<(f64, f64)> {
-        let found = &self.identification.as_ref()?.1;
-        let of_a = self.calibration.as_ref().map_or(*sensor, |c| c.1.sensor(0, sensor));
-        let lag_s = self
-            .calibration
-            .as_ref()
-            .map_or_else(|| sensor_interface(sensor).lag_s(), |c| c.1.lag_s(1, sensor));
-        Some((found.delay_s() + lag_s, found.lead_s(&of_a)))
-    }
-
-    /// Lag of sensor B less that of the accelerometers.
-    fn accelerometers_ahead_s(&self, sensors: &RigSensors) -> f64 {
-        self.calibration.as_ref().map_or_else(
-            || accelerometers_ahead_s(sensors),
-            |c| c.1.accelerometers_ahead_s(sensors),
-        )
-    }
-
-    fn corrections(&self) -> LegCorrections {
-        self.identification.as_ref().map_or_else(LegCorrections::default, |i| i.1.corrections())
+    /// What is believed of the rig by its file and by these.
+    fn parameters(&self, rig: &RigModel) -> RigParameters {
+        let identification = self.identification.as_ref().map(|i| &i.1);
+        RigParameters::new(rig, identification, self.calibration.as_ref().map(|c| &c.1))
     }
 
     /// Either file by what it holds, if it was given.
@@ -187,7 +163,14 @@ impl<'a> HilRun<'a> {
     pub fn new(scenario: &'a Scenario, options: HilOptions) -> Result<Self, RunError> {
         let rig_path = rig_path(&options, scenario)?;
         let rig = load_rig_from(&scenario.sources, &rig_path)?.model;
-        let preset = scenario.hil.preset.unwrap_or(rig.hydraulics.default_preset);
+        if rig.sensors.is_none() {
+            return Err(RunError::usage(
+                format!("the rig has no table [sensors]: {}", rig_path.display()),
+                "add one; models/urdf/stewart.toml is an example",
+            ));
+        }
+        let hil = &scenario.hil;
+        let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
         let (system, bodies) = start(scenario)?;
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
@@ -197,16 +180,27 @@ impl<'a> HilRun<'a> {
             within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
         }
         let known = Known::read(&options, &rig)?;
-        let setup = Prepared {
-            scenario,
-            options: &options,
-            rig_path: &rig_path,
-            rig: &rig,
-            system: &system,
-            known: &known,
-            believed: &believed,
-        }
-        .loop_setup(programme, run_up_s)?;
+        let choice = options.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
+        let parameters = known.parameters(&rig);
+        let lead_s = options.lead_s.or(hil.lead_s).unwrap_or(parameters.lead_s);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 30")]
+        let added_ticks = (hil.added_delay_s / tick_s).round() as usize;
+        let setup = LoopSetup::builder(&rig, preset, &system, &bodies)
+            .parameters(parameters)
+            .compensation(compensation(choice, lead_s)?)
+            .added_ticks(added_ticks)
+            .sensors(if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single })
+            .loads(hil.force_limit_n, hil.moment_limit_nm)
+            .approach(Approach {
+                speed_m_s: MOVE_M_S,
+                rate_rad_s: MOVE_RAD_S,
+                settle_s: SETTLE_S,
+                run_up_s,
+            })
+            .ticks(scenario.run.ticks())
+            .session(if options.repeats() { 1 } else { new_session() })
+            .dry_run(options.dry_run)
+            .build()?;
         Ok(Self { scenario, options, rig_path, rig, preset, system, bodies, setup, known })
     }
 
@@ -259,8 +253,8 @@ impl<'a> HilRun<'a> {
             format!(
                 "loaded from {}: {:.0} N, {:.0} N·m at the ports",
                 self.rig_path.display(),
-                limits.of(Limit::Force),
-                limits.of(Limit::Moment)
+                limits.port_force_n,
+                limits.port_moment_nm
             ),
         )];
         for (name, known) in self.known.files() {
@@ -365,83 +359,14 @@ pub(super) fn see(now: &mut Situation, r: &TickRecord) {
     now.port4 = r.ports.port4;
     let Some(k) = r.closed_tick else { return };
     let time_s = seconds(k);
-    if r.ports.port4.f.length() > CONTACT_N {
+    if r.ports.port4.f.length() > PORT_CONTACT_N {
         now.first_contact_s.get_or_insert(time_s);
     }
-    if r.measurement.mechanism[9] > 0.5 {
+    if r.measurement.is_joined() == Some(true) {
         now.captured_s.get_or_insert(time_s);
     }
     // Of the tick to come.
     now.time_s = seconds(k + 1);
-}
-
-/// What the set-up of a loop is made of.
-struct Prepared<'a> {
-    scenario: &'a Scenario,
-    options: &'a HilOptions,
-    rig_path: &'a Path,
-    rig: &'a RigModel,
-    system: &'a System,
-    known: &'a Known,
-    believed: &'a RigSetup,
-}
-
-impl Prepared<'_> {
-    fn loop_setup(&self, bodies: Programme, run_up_s: f64) -> Result<LoopSetup, RunError> {
-        let (rig, hil, known) = (self.rig, &self.scenario.hil, self.known);
-        let sensors = rig.sensors.ok_or_else(|| {
-            RunError::usage(
-                format!("the rig has no table [sensors]: {}", self.rig_path.display()),
-                "add one; models/urdf/stewart.toml is an example",
-            )
-        })?;
-        let believed_s = believed_delays_s(rig).iter().sum();
-        let (interface_delay_s, lead_s) =
-            known.delays_s(&sensors.force).unwrap_or((believed_s, believed_s));
-        let choice =
-            self.options.compensator.or(hil.compensator).unwrap_or(CompensatorChoice::Lead);
-        let lead_s = self.options.lead_s.or(hil.lead_s).unwrap_or(lead_s);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 30")]
-        let added_ticks = (hil.added_delay_s / super::PERIOD_S).round() as usize;
-        Ok(LoopSetup {
-            added_ticks,
-            feedforward: self.believed.feedforward(),
-            corrections: known.corrections(),
-            compensation: compensation(choice, lead_s)?,
-            scheme: if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single },
-            payload: known.calibration.as_ref().map_or_else(
-                || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
-                |c| c.1.payload,
-            ),
-            ring_mass_kg: self.system.ring_mass_kg(),
-            interface_delay_s,
-            accelerometers_ahead_s: known.accelerometers_ahead_s(&sensors),
-            limits: self.limits(),
-            approach: Approach {
-                speed_m_s: MOVE_M_S,
-                rate_rad_s: MOVE_RAD_S,
-                settle_s: SETTLE_S,
-                run_up_s,
-            },
-            bodies,
-            ticks: self.scenario.run.ticks(),
-            session: if self.options.repeats() { 1 } else { new_session() },
-            patience: core::time::Duration::ZERO,
-            dry_run: self.options.dry_run,
-            rig: rig.clone(),
-        })
-    }
-
-    fn limits(&self) -> SafetyLimits {
-        let (hil, limits) = (&self.scenario.hil, &self.scenario.mechanism.limits);
-        let force = limits.tension_n.max(limits.compression_n).max(limits.shear_n) * LOAD_MARGIN;
-        let moment = limits.torsion_nm.max(limits.bending_nm) * LOAD_MARGIN;
-        SafetyLimits::of_rig(
-            self.rig,
-            hil.force_limit_n.unwrap_or(force),
-            hil.moment_limit_nm.unwrap_or(moment),
-        )
-    }
 }
 
 fn period_s(scenario: &Scenario) -> Result<f64, RunError> {
@@ -504,8 +429,8 @@ fn within_reach(
     let margins = believed.believed_platform.stroke_margins_m(&c.length_m);
     let least = margins.iter().copied().fold(f64::INFINITY, f64::min);
     let limits = SafetyLimits::of_rig(rig, 0.0, 0.0);
-    let (far, most) = (half_widths(rig, x_34), limits.of(Limit::Pose));
-    if least > limits.of(Limit::Stroke) && far < most {
+    let (far, most) = (half_widths(rig, x_34), limits.pose_half_widths);
+    if least > limits.stroke_margin_m && far < most {
         return Ok(());
     }
     let p = x_34.p;

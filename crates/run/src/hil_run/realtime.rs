@@ -11,9 +11,9 @@ use std::{
 use docktwin_hil::{
     clock::RealtimeClock,
     realtime::relax,
-    rig::Rig,
     scheduler::{Check, Idle, Loop, TickRecord},
 };
+use docktwin_rigport::rig::Rig;
 
 use super::{Commands, Ended, keep_time, recorder::HilRecorder};
 use crate::{

@@ -111,7 +111,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let shown = self.watcher.take(&self.system, r, t, PERIOD_S);
         let now = self.watcher.instant(&self.system, shown, r, t, PERIOD_S);
         if r.closed_tick.is_some() {
-            self.observe(&now, r, t);
+            self.observe(&now, r, time);
         }
         self.record(&now, r, time);
         self.ticks += 1;
@@ -134,12 +134,12 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         }
     }
 
-    fn observe(&mut self, now: &Instant, r: &TickRecord, time_s: f64) {
+    fn observe(&mut self, now: &Instant, r: &TickRecord, time: SimTime) {
         self.meter.add(&trace(&self.system, r), &r.control);
-        let mut seen = now.observation(time_s);
+        let mut seen = now.observation(time.seconds());
         seen.interface = interface(&self.system, &r.ports.port4);
         let observed =
-            Observed { system: &self.system, now, seen: &seen, control: &r.control, time_s };
+            Observed { system: &self.system, now, seen: &seen, control: &r.control, time };
         self.observer.observe(&observed, &mut self.events);
         self.observer.digest(r.digest());
     }

@@ -1,6 +1,5 @@
 //! What a summary says of loop and supervisor.
 
-use docktwin_control::safety::Limit;
 use docktwin_record::{LatenessUs, LoopSummary, PhaseUs, SafetySummary, StepUs};
 
 use super::Ended;
@@ -61,10 +60,11 @@ pub(super) fn safety_summary(ended: &Ended) -> SafetySummary {
     SafetySummary {
         state: if ended.end.trip.is_some() { "stopped" } else { "normal" }.to_owned(),
         trips: trips.into_iter().collect(),
-        min_margin: Limit::ALL
-            .into_iter()
-            .zip(ended.end.least_margin)
-            .map(|(l, m)| (l.name().to_owned(), m))
+        min_margin: ended
+            .end
+            .margins
+            .iter()
+            .map(|(limit, margin)| (limit.name().to_owned(), margin))
             .collect(),
     }
 }

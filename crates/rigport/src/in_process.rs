@@ -1,19 +1,19 @@
-//! A rig in the loop's own process: a plant behind the same judging as at the end of a wire.
+//! A rig in the loop's own process: a plant behind the same validation as at the end of a wire.
 
 use core::time::Duration;
 
 use crate::{
-    desk::{DeskCounts, RigDesk},
-    port::{RigCommand, RigMeasurement, Sequence, status},
-    realtime::monotonic_ns,
+    clock::monotonic_ns,
+    message::{RigCommand, RigMeasurement, Status},
     rig::{Plant, Rig, RigError},
+    validate::{RigEnd, RigEndCounts, Sequence},
 };
 
 /// Any plant as a [`Rig`]. It answers at once, so nothing here waits.
 #[derive(Clone, Debug)]
 pub struct InProcess<P> {
     plant: P,
-    desk: RigDesk,
+    end: RigEnd,
     sequence: Sequence,
     answer: Option<RigMeasurement>,
 }
@@ -21,7 +21,7 @@ pub struct InProcess<P> {
 impl<P: Plant> InProcess<P> {
     /// Before the first command.
     pub fn new(plant: P) -> Self {
-        Self { plant, desk: RigDesk::new(), sequence: Sequence::default(), answer: None }
+        Self { plant, end: RigEnd::new(), sequence: Sequence::default(), answer: None }
     }
 
     /// The plant.
@@ -30,13 +30,13 @@ impl<P: Plant> InProcess<P> {
     }
 
     /// What the rig's end has seen.
-    pub fn counts(&self) -> DeskCounts {
-        self.desk.counts()
+    pub fn counts(&self) -> RigEndCounts {
+        self.end.counts()
     }
 
     /// One period without a command, as when a loop has fallen silent.
     pub fn silence(&mut self) -> RigMeasurement {
-        self.desk.silence(&mut self.plant, monotonic_ns())
+        self.end.silence(&mut self.plant, monotonic_ns())
     }
 }
 
@@ -45,7 +45,7 @@ impl<P: Plant> Rig for InProcess<P> {
         if command.session != self.sequence.session {
             self.sequence = Sequence { session: command.session, tick: None };
         }
-        self.answer = Some(self.desk.command(&mut self.plant, command, monotonic_ns()));
+        self.answer = Some(self.end.command(&mut self.plant, command, monotonic_ns()));
         Ok(())
     }
 
@@ -54,11 +54,11 @@ impl<P: Plant> Rig for InProcess<P> {
         _patience: Duration,
         now_ns: u64,
     ) -> Result<Option<RigMeasurement>, RigError> {
-        let Some(m) = self.answer.take() else { return Ok(None) };
-        if m.has(status::UNASKED) {
+        let Some(mut m) = self.answer.take() else { return Ok(None) };
+        if m.is(Status::UNSOLICITED) {
             return Ok(None);
         }
-        self.sequence.measurement(&m, now_ns).map_err(RigError::Refused)?;
+        self.sequence.measurement(&mut m, now_ns).map_err(RigError::Refused)?;
         Ok(Some(m))
     }
 }

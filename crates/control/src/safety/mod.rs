@@ -1,12 +1,27 @@
-//! The supervisor's limits: what ends a run before steel bends.
+//! The supervisor: what ends a run before steel bends.
 //!
-//! Judged once a tick, before anything is sent, on what was measured and on what is about to be
-//! commanded. The first limit passed is kept; what follows from it is not told apart.
+//! It judges once a tick, before anything is sent, what was measured and what is about to be commanded.
+//! The first limit passed is kept; what follows from it is not reported apart.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | here | which limits there are, and the supervisor that applies the rules |
+//! | `limits` | their values, by name, with unit and source |
+//! | `rules` | one function a rule: what is held against which limit |
+//!
+//! A new limit is a variant of [`Limit`] with its name, a field of [`SafetyLimits`], a rule, what it looks at
+//! in [`Watched`], and a row in `docs/bring-up-a-rig.md`.
 
 use docktwin_core::{DVec3, Euler, Pose};
 use docktwin_model::Rig;
 
-/// Everything that is limited, in this order in every array here.
+mod limits;
+mod rules;
+
+pub use limits::SafetyLimits;
+use rules::RULES;
+
+/// Everything that is limited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Limit {
@@ -76,45 +91,6 @@ impl Limit {
     }
 }
 
-/// Limits of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SafetyLimits {
-    /// By [`Limit`].
-    pub values: [f64; Limit::COUNT],
-}
-
-/// A sensor alive shows its noise within so many ticks; arming asks for the same.
-const FROZEN_TICKS: f64 = 20.0;
-
-impl SafetyLimits {
-    /// What the rig's file allows, and loads at the ports (N, N·m).
-    #[must_use]
-    pub fn of_rig(rig: &Rig, force_n: f64, moment_nm: f64) -> Self {
-        Self {
-            values: [
-                0.02,
-                0.95 * rig.limits.speed_m_s,
-                rig.limits.force_n,
-                force_n,
-                moment_nm,
-                1.7,
-                0.02,
-                10.0,
-                0.5,
-                0.5,
-                FROZEN_TICKS,
-                0.5,
-            ],
-        }
-    }
-
-    /// The limit of one quantity.
-    #[must_use]
-    pub const fn of(&self, l: Limit) -> f64 {
-        self.values[l as usize]
-    }
-}
-
 /// A limit that was passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trip {
@@ -135,16 +111,16 @@ pub struct Watched {
     pub stroke_margin_m: f64,
     /// Fastest leg, measured or commanded, m/s.
     pub leg_speed_m_s: f64,
-    /// Strongest leg, N.
-    pub leg_force_n: f64,
+    /// Strongest leg, N; `None` where the rig does not measure leg forces.
+    pub leg_force_n: Option<f64>,
     /// Force at a port, N.
-    pub force_n: f64,
+    pub port_force_n: f64,
     /// Moment at a port, N·m.
-    pub moment_nm: f64,
+    pub port_moment_nm: f64,
     /// See [`Limit::Pose`]; of the measured or the commanded pose.
     pub pose_half_widths: f64,
     /// See [`Limit::Tracking`].
-    pub tracking_m: f64,
+    pub tracking_error_m: f64,
     /// Ticks without a measurement.
     pub ticks_without: u32,
     /// The rig is not following.
@@ -153,6 +129,23 @@ pub struct Watched {
     pub saturated: bool,
     /// See [`Limit::Frozen`].
     pub ticks_frozen: u32,
+}
+
+impl Watched {
+    /// True when every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let numbers = [
+            self.stroke_margin_m,
+            self.leg_speed_m_s,
+            self.leg_force_n.unwrap_or_default(),
+            self.port_force_n,
+            self.port_moment_nm,
+            self.pose_half_widths,
+            self.tracking_error_m,
+        ];
+        numbers.iter().all(|x| x.is_finite())
+    }
 }
 
 /// Distance of a relative pose from the middle of the docking workspace in half-widths of its box.
@@ -168,52 +161,51 @@ pub fn half_widths(rig: &Rig, x_34: &Pose) -> f64 {
     p.abs().max_element().max(turn)
 }
 
+/// Least margins of a run, by limit: 1 with nothing used up, 0 at the limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins([Option<f64>; Limit::COUNT]);
+
+impl Margins {
+    /// The margin of one limit; `None` as long as its quantity was never judged.
+    #[must_use]
+    pub const fn of(&self, limit: Limit) -> Option<f64> {
+        self.0[limit as usize]
+    }
+
+    /// Limits that were judged, and their margins.
+    pub fn iter(&self) -> impl Iterator<Item = (Limit, f64)> {
+        Limit::ALL.into_iter().filter_map(|limit| Some((limit, self.of(limit)?)))
+    }
+
+    fn note(&mut self, limit: Limit, margin: f64) {
+        let least = &mut self.0[limit as usize];
+        *least = Some(least.unwrap_or(1.0).min(margin));
+    }
+}
+
 /// The supervisor.
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor {
     limits: SafetyLimits,
     trip: Option<Trip>,
-    /// By [`Limit`]: 1 with nothing used up, 0 at the limit.
-    least_margin: [f64; Limit::COUNT],
+    margins: Margins,
 }
 
 impl Supervisor {
     /// Nothing passed yet.
     #[must_use]
     pub const fn new(limits: SafetyLimits) -> Self {
-        Self { limits, trip: None, least_margin: [1.0; Limit::COUNT] }
+        Self { limits, trip: None, margins: Margins([None; Limit::COUNT]) }
     }
 
     /// Judges a tick; the first limit passed stays.
-    pub fn judge(&mut self, w: &Watched, tick: u64) -> Option<Trip> {
-        let said = |b: bool| f64::from(u8::from(b));
-        let values = [
-            w.stroke_margin_m,
-            w.leg_speed_m_s,
-            w.leg_force_n,
-            w.force_n,
-            w.moment_nm,
-            w.pose_half_widths,
-            w.tracking_m,
-            f64::from(w.ticks_without),
-            said(w.rig_left),
-            said(w.saturated),
-            f64::from(w.ticks_frozen),
-        ];
-        let finite = values.iter().all(|x| x.is_finite());
-        for (limit, value) in Limit::ALL.into_iter().zip(values.into_iter().chain([said(!finite)]))
-        {
-            let allowed = self.limits.of(limit);
-            let (passed, margin) = if limit == Limit::Stroke {
-                (value < allowed, ((value - allowed) / STROKE_SCALE_M).min(1.0))
-            } else {
-                (value > allowed, 1.0 - value / allowed)
-            };
-            let least = &mut self.least_margin[limit as usize];
-            *least = least.min(margin);
-            if (passed || value.is_nan()) && self.trip.is_none() {
-                let limit = if value.is_nan() { Limit::Finite } else { limit };
-                self.trip = Some(Trip { limit, value, allowed, tick });
+    pub fn judge(&mut self, watched: &Watched, tick: u64) -> Option<Trip> {
+        for (limit, rule) in RULES {
+            let Some(r) = rule(watched, &self.limits) else { continue };
+            self.margins.note(limit, r.margin);
+            if (r.passed || r.value.is_nan()) && self.trip.is_none() {
+                let limit = if r.value.is_nan() { Limit::Finite } else { limit };
+                self.trip = Some(Trip { limit, value: r.value, allowed: r.allowed, tick });
             }
         }
         self.trip
@@ -225,22 +217,27 @@ impl Supervisor {
         self.trip
     }
 
-    /// Least margins so far, by [`Limit`]: 1 untouched, 0 at the limit.
+    /// Least margins so far.
     #[must_use]
-    pub const fn least_margins(&self) -> &[f64; Limit::COUNT] {
-        &self.least_margin
+    pub const fn margins(&self) -> &Margins {
+        &self.margins
     }
 }
-
-/// Room of a leg that counts as untouched, m.
-const STROKE_SCALE_M: f64 = 0.3;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const LIMITS: SafetyLimits = SafetyLimits {
-        values: [0.02, 0.6, 6e4, 5e3, 3e3, 1.3, 0.02, 10.0, 0.5, 0.5, FROZEN_TICKS, 0.5],
+        stroke_margin_m: 0.02,
+        leg_speed_m_s: 0.6,
+        leg_force_n: 6e4,
+        port_force_n: 5e3,
+        port_moment_nm: 3e3,
+        pose_half_widths: 1.3,
+        tracking_error_m: 0.02,
+        ticks_without_measurement: 10,
+        sensor_frozen_ticks: 20,
     };
 
     #[test]
@@ -250,16 +247,16 @@ mod tests {
         let cases: [Case; Limit::COUNT] = [
             (Limit::Stroke, |w| w.stroke_margin_m = 0.01),
             (Limit::LegSpeed, |w| w.leg_speed_m_s = 0.61),
-            (Limit::LegForce, |w| w.leg_force_n = 7e4),
-            (Limit::Force, |w| w.force_n = 5.1e3),
-            (Limit::Moment, |w| w.moment_nm = 3.1e3),
+            (Limit::LegForce, |w| w.leg_force_n = Some(7e4)),
+            (Limit::Force, |w| w.port_force_n = 5.1e3),
+            (Limit::Moment, |w| w.port_moment_nm = 3.1e3),
             (Limit::Pose, |w| w.pose_half_widths = 1.31),
-            (Limit::Tracking, |w| w.tracking_m = 0.021),
+            (Limit::Tracking, |w| w.tracking_error_m = 0.021),
             (Limit::Watchdog, |w| w.ticks_without = 11),
             (Limit::Rig, |w| w.rig_left = true),
             (Limit::Saturated, |w| w.saturated = true),
             (Limit::Frozen, |w| w.ticks_frozen = 21),
-            (Limit::Finite, |w| w.force_n = f64::NAN),
+            (Limit::Finite, |w| w.port_force_n = f64::NAN),
         ];
         for (limit, spoil) in cases {
             let mut s = Supervisor::new(LIMITS);
@@ -270,5 +267,30 @@ mod tests {
             let later = s.judge(&Watched { leg_speed_m_s: 9.0, ..good }, 3);
             assert_eq!(later.map(|t| t.tick), Some(2));
         }
+    }
+
+    /// Rules stand in the order of the limits, so that arrays and summaries agree.
+    #[test]
+    fn invariant_every_limit_has_its_rule() {
+        assert_eq!(RULES.map(|(limit, _)| limit), Limit::ALL);
+        for (i, limit) in Limit::ALL.into_iter().enumerate() {
+            assert_eq!(limit as usize, i);
+        }
+    }
+
+    #[test]
+    fn oracle_margins_are_the_least_and_what_is_not_measured_has_none() {
+        let mut s = Supervisor::new(LIMITS);
+        let good = Watched { stroke_margin_m: 0.17, leg_speed_m_s: 0.3, ..Watched::default() };
+        s.judge(&good, 1);
+        s.judge(&Watched { leg_speed_m_s: 0.15, ..good }, 2);
+        let m = *s.margins();
+        let near = |limit, margin: f64| m.of(limit).is_some_and(|x| (x - margin).abs() < 1e-12);
+        assert!(near(Limit::Stroke, 0.5) && near(Limit::LegSpeed, 0.5), "{m:?}");
+        assert!(near(Limit::Force, 1.0) && near(Limit::Rig, 1.0), "{m:?}");
+        assert_eq!(m.of(Limit::LegForce), None);
+        assert_eq!(m.iter().count(), Limit::COUNT - 1);
+        s.judge(&Watched { leg_force_n: Some(4.5e4), ..good }, 3);
+        assert!(s.margins().of(Limit::LegForce).is_some_and(|x| (x - 0.25).abs() < 1e-12));
     }
 }

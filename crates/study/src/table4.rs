@@ -3,28 +3,21 @@
 
 use core::time::Duration;
 
-use docktwin_control::{
-    compensator::Compensation,
-    rig::RigSetup,
-    safety::{SafetyLimits, Trip},
-    sensing::SensorScheme,
+use docktwin_control::{compensation::Compensation, safety::Trip, sensing::SensorScheme};
+use docktwin_core::{DMat3, DVec3, PERIOD_NS, Pose};
+use docktwin_hil::{
+    clock::Clock,
+    scheduler::{ArmError, Idle, Loop, LoopSetup, SetupProblems, TickRecord},
 };
-use docktwin_core::{DMat3, DVec3, Pose};
 use docktwin_model::{DockingMechanism, HydraulicPreset, Rig as RigModel, Spacecraft};
 use docktwin_physics::{
     body::BodyState,
     mechanism::{CHASER, RING, System, TARGET},
-    mounted::Payload,
-    programme::Programme,
     reduced::Inputs,
 };
-
-use crate::{
-    calibrate::accelerometers_ahead_s,
-    clock::Clock,
-    port::status,
+use docktwin_rigport::{
+    message::Capabilities,
     rig::{Rig, RigError},
-    scheduler::{Approach, Idle, LegCorrections, Loop, LoopSetup, TickRecord},
 };
 
 /// One row of Table 4, or the one at 5 Hz that the paper does not have.
@@ -217,7 +210,7 @@ impl VibroTest {
             body_m: axis.of_pose(&x_34, self.docked_m, self.lever_m),
             speed_m_s: speed,
             measured_m: axis.of_pose(&r.x_34, self.docked_m, self.lever_m),
-            true_force_n: m.has(status::TRUTH).then(|| along(&m.truth_port4)),
+            true_force_n: m.has(Capabilities::TRUTH).then(|| along(&m.truth_port4)),
             sensed_force_n: sensed.dot(axis.unit()) * arm,
         }
     }
@@ -280,7 +273,7 @@ impl VibroTest {
                 (0.0, -v * (t - t_v))
             };
             let got_f = force(s) * -sign;
-            // What the hardware feels of the position is where the rod is.
+            // For the hardware the position is where the rod is.
             let got_x = s.measured_m * sign - self.play_m;
             ef += (got_f - f).powi(2);
             ex += (got_x - x).powi(2);
@@ -335,9 +328,6 @@ impl VibroTest {
     }
 }
 
-/// Period of the loop, ns.
-pub const PERIOD_NS: u64 = 1_000_000;
-
 /// How a test is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VibroSettings {
@@ -355,20 +345,6 @@ pub struct VibroSettings {
     pub patience: Duration,
 }
 
-/// Delay of the rig that its file lets one believe, s: from the instant a command is for to the plate
-/// ([`LoopSetup::interface_delay_s`]), and from the force to its reading.
-#[must_use]
-pub fn believed_delays_s(rig: &RigModel) -> [f64; 2] {
-    #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
-    let tick_s = PERIOD_NS as f64 * 1e-9;
-    let sensor = rig.sensors.map_or(0.0, |s| {
-        let f = s.force;
-        let rate = core::f64::consts::TAU * f.natural_frequency_hz;
-        f.delay_s + 2.0 * f.damping_ratio / rate
-    });
-    [rig.valve.dead_time_s - tick_s, sensor]
-}
-
 /// What a run came to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VibroRun {
@@ -382,36 +358,23 @@ pub struct VibroRun {
 
 impl VibroTest {
     /// The loop of this test.
-    #[must_use]
-    pub fn setup(&self, rig: &RigModel, s: &VibroSettings) -> LoopSetup {
+    ///
+    /// # Errors
+    /// What of the settings cannot be run.
+    pub fn setup(&self, rig: &RigModel, s: &VibroSettings) -> Result<LoopSetup, SetupProblems> {
         #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
         let tick_s = PERIOD_NS as f64 * 1e-9;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
         let ticks = (self.duration_s(s.contacts) / tick_s) as u64;
-        LoopSetup {
-            feedforward: RigSetup::of_rig(rig, s.preset, None).feedforward(),
-            corrections: LegCorrections::default(),
-            bodies: Programme::new(&self.system, &self.bodies, tick_s),
-            compensation: s.compensation,
-            added_ticks: 0,
-            scheme: s.scheme,
-            payload: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
-            ring_mass_kg: self.system.ring_mass_kg(),
-            interface_delay_s: believed_delays_s(rig).iter().sum(),
-            accelerometers_ahead_s: rig.sensors.as_ref().map_or(0.0, accelerometers_ahead_s),
-            limits: SafetyLimits::of_rig(rig, LOAD_LIMIT, LOAD_LIMIT),
-            approach: Approach {
-                speed_m_s: 0.05,
-                rate_rad_s: 0.05,
-                settle_s: 0.6,
-                run_up_s: self.run_up_s(),
-            },
-            ticks,
-            session: s.session,
-            patience: s.patience,
-            dry_run: false,
-            rig: rig.clone(),
-        }
+        LoopSetup::builder(rig, s.preset, &self.system, &self.bodies)
+            .compensation(s.compensation)
+            .sensors(s.scheme)
+            .loads(Some(LOAD_LIMIT), Some(LOAD_LIMIT))
+            .run_up_s(self.run_up_s())
+            .ticks(ticks)
+            .session(s.session)
+            .patience(s.patience)
+            .build()
     }
 
     /// Arms a loop made of [`VibroTest::setup`] and runs it to its end; `look` sees every tick.
@@ -446,9 +409,12 @@ const LOAD_LIMIT: f64 = 2000.0;
 /// Why a test was not run to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum VibroError {
+    /// The settings cannot be run.
+    #[error(transparent)]
+    Setup(#[from] SetupProblems),
     /// Not armed.
     #[error(transparent)]
-    Arm(#[from] crate::scheduler::ArmError),
+    Arm(#[from] ArmError),
     /// The rig does not answer.
     #[error(transparent)]
     Rig(#[from] RigError),

@@ -1,25 +1,115 @@
-//! The rig's end of the port, whatever carries the messages: every command is judged here before a
-//! plant sees it, and the safe state is kept here.
+//! Validation of messages, whatever carries them, and the rig's end of the port: every command is
+//! validated here before a plant sees it, and the safe state is kept here.
 
 use core::time::Duration;
 
-use crate::port::{
-    PROTOCOL_VERSION, Refusal, RigCommand, RigMeasurement, RigMode, Sequence, flag, status,
+use crate::{
+    message::{
+        Capabilities, Flags, PERIODS_NS, PROTOCOL_VERSION, Refusal, RigCommand, RigMeasurement,
+        RigMode, Status,
+    },
+    rig::{CommandForm, Plant},
 };
-use crate::rig::Plant;
+
+/// What a side remembers of the other to validate its next message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sequence {
+    /// Session in force, 0 before the first.
+    pub session: u64,
+    /// Last tick accepted in it.
+    pub tick: Option<u64>,
+}
+
+impl Sequence {
+    /// Validates a command at a rig that follows `form`; an accepted one becomes the last. `now_ns` is
+    /// the clock of the time stamps, `None` in lockstep, where the rig has no clock of its own.
+    ///
+    /// # Errors
+    /// Why the command is not to be used.
+    pub fn command(
+        &mut self,
+        c: &RigCommand,
+        form: CommandForm,
+        now_ns: Option<u64>,
+    ) -> Result<RigMode, Refusal> {
+        if c.protocol_version != PROTOCOL_VERSION {
+            return Err(Refusal::Version);
+        }
+        if !c.keeps_reserved() {
+            return Err(Refusal::Reserved);
+        }
+        let mode = RigMode::from_number(c.mode).ok_or(Refusal::Mode)?;
+        if mode == RigMode::Track && !form.follows(c.leg_count) {
+            return Err(Refusal::Legs);
+        }
+        if !PERIODS_NS.contains(&c.period_ns) {
+            return Err(Refusal::Period);
+        }
+        if c.session == 0 {
+            return Err(Refusal::Session);
+        }
+        if c.session == self.session && self.tick.is_some_and(|last| c.tick <= last) {
+            return Err(Refusal::TickBack);
+        }
+        if !c.is_finite() {
+            return Err(Refusal::NotFinite);
+        }
+        if now_ns.is_some_and(|now| c.wakeup_ns > now) {
+            return Err(Refusal::Future);
+        }
+        *self = Self { session: c.session, tick: Some(c.tick) };
+        Ok(mode)
+    }
+
+    /// Validates a measurement at the loop, whose session is `self.session`; an accepted one becomes
+    /// the last, and its numbers that do not hold become zero. `now_ns` is the clock of the time
+    /// stamps: loop time in lockstep.
+    ///
+    /// A measurement with [`Status::REFUSED`] names the tick of a command that was not used, so that
+    /// number is not validated and does not count.
+    ///
+    /// # Errors
+    /// Why the measurement is not to be used.
+    pub fn measurement(&mut self, m: &mut RigMeasurement, now_ns: u64) -> Result<(), Refusal> {
+        if m.protocol_version != PROTOCOL_VERSION {
+            return Err(Refusal::Version);
+        }
+        if !m.keeps_reserved() {
+            return Err(Refusal::Reserved);
+        }
+        if m.session != self.session {
+            return Err(Refusal::Session);
+        }
+        let refused = m.is(Status::REFUSED);
+        if !refused && self.tick.is_some_and(|last| m.tick <= last) {
+            return Err(Refusal::TickBack);
+        }
+        if !m.is_finite() {
+            return Err(Refusal::NotFinite);
+        }
+        if m.stamp_ns > now_ns {
+            return Err(Refusal::Future);
+        }
+        if !refused {
+            self.tick = Some(m.tick);
+        }
+        m.clear_absent();
+        Ok(())
+    }
+}
 
 /// Periods without a good command after which a rig leaves the commands, in real time.
 pub const SILENT_PERIODS: u64 = 10;
 
 /// Numbers of [`Refusal`], 0 included.
-const REFUSALS: usize = 11;
+const REFUSALS: usize = Refusal::ALL.len() + 1;
 
 /// Between two ticks, ns, as long as no good command has said otherwise.
 const DEFAULT_PERIOD_NS: u64 = 1_000_000;
 
 /// What a rig's end has seen since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DeskCounts {
+pub struct RigEndCounts {
     /// Commands that came, refused ones included.
     pub commands: u64,
     /// Refused commands by [`Refusal`] as number; index 0 stays 0.
@@ -32,7 +122,7 @@ pub struct DeskCounts {
     pub safe_states: u64,
 }
 
-impl DeskCounts {
+impl RigEndCounts {
     /// Refused commands of all reasons.
     #[must_use]
     pub fn refused_in_all(&self) -> u64 {
@@ -42,7 +132,7 @@ impl DeskCounts {
 
 /// The rig's end of one port.
 #[derive(Clone, Copy, Debug)]
-pub struct RigDesk {
+pub struct RigEnd {
     sequence: Sequence,
     /// The last command that the plant got.
     held: RigCommand,
@@ -56,16 +146,18 @@ pub struct RigDesk {
     moved_ns: u64,
     /// Ticks the plant has taken since the last good command.
     ahead: u64,
-    counts: DeskCounts,
+    /// The plant took its last tick without a command.
+    silent: bool,
+    counts: RigEndCounts,
 }
 
-impl Default for RigDesk {
+impl Default for RigEnd {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl RigDesk {
+impl RigEnd {
     /// Before the first command.
     #[must_use]
     pub const fn new() -> Self {
@@ -78,7 +170,8 @@ impl RigDesk {
             stamp_ns: 0,
             moved_ns: 0,
             ahead: 0,
-            counts: DeskCounts {
+            silent: false,
+            counts: RigEndCounts {
                 commands: 0,
                 refused: [0; REFUSALS],
                 missed: 0,
@@ -90,7 +183,7 @@ impl RigDesk {
 
     /// What was seen so far.
     #[must_use]
-    pub const fn counts(&self) -> DeskCounts {
+    pub const fn counts(&self) -> RigEndCounts {
         self.counts
     }
 
@@ -120,12 +213,12 @@ impl RigDesk {
 
     /// When the rig is to take a tick of its own if no command comes, ns of `CLOCK_MONOTONIC`: after
     /// [`SILENT_PERIODS`] periods, in lockstep after `lockstep_patience`; in its safe state every
-    /// period; never while it rests.
+    /// period, in lockstep as soon as it is silent; never while it rests.
     #[must_use]
     pub fn due_ns(&self, lockstep_patience: Duration) -> u64 {
-        let patience_ns = if self.safe {
+        let patience_ns = if self.safe && (self.silent || !self.in_lockstep()) {
             self.period_ns
-        } else if !self.is_led() {
+        } else if !self.safe && !self.is_led() {
             return u64::MAX;
         } else if self.in_lockstep() {
             u64::try_from(lockstep_patience.as_nanos()).unwrap_or(u64::MAX)
@@ -144,10 +237,10 @@ impl RigDesk {
     /// True when the last good command came with a virtual clock.
     #[must_use]
     pub const fn in_lockstep(&self) -> bool {
-        self.held.flags & flag::LOCKSTEP != 0
+        self.held.flags.contains(Flags::LOCKSTEP)
     }
 
-    /// Judges a command and lets the plant take its tick. `now_ns` is `CLOCK_MONOTONIC`; it is not
+    /// Validates a command and lets the plant take its tick. `now_ns` is `CLOCK_MONOTONIC`; it is not
     /// looked at in lockstep.
     pub fn command(
         &mut self,
@@ -155,14 +248,14 @@ impl RigDesk {
         command: &RigCommand,
         now_ns: u64,
     ) -> RigMeasurement {
-        let clock = (command.flags & flag::LOCKSTEP == 0).then_some(now_ns);
+        let clock = (!command.flags.contains(Flags::LOCKSTEP)).then_some(now_ns);
         let before = self.sequence;
         // Whoever runs this may have slept through the silence.
         if clock.is_some() && !self.in_lockstep() && now_ns > self.due_ns(Duration::MAX) {
             self.enter_safe_state();
         }
-        self.moved_ns = now_ns;
-        match self.sequence.command(command, clock) {
+        (self.moved_ns, self.silent) = (now_ns, false);
+        match self.sequence.command(command, plant.command_form(), clock) {
             Ok(mode) => self.accept(plant, command, mode, before, clock),
             Err(refusal) => self.refuse(plant, refusal, command.session, command.tick, clock),
         }
@@ -183,12 +276,13 @@ impl RigDesk {
             if self.safe { self.moved_ns.saturating_add(self.period_ns) } else { now_ns };
         self.moved_ns = on_grid_ns.min(now_ns).max(now_ns.saturating_sub(self.period_ns));
         self.enter_safe_state();
+        self.silent = true;
         self.ahead += 1;
         let mut m = plant.alone(self.period_ns);
-        m.status |= status::UNASKED;
+        m.status |= Status::UNSOLICITED;
         // In lockstep the time of the loop stands still.
         let stamp_ns = if self.in_lockstep() { self.stamp_ns } else { now_ns };
-        self.fill_in(m, self.sequence.session, self.tick(), stamp_ns)
+        self.fill_in(m, plant.command_form(), self.sequence.session, self.tick(), stamp_ns)
     }
 
     fn accept(
@@ -234,7 +328,7 @@ impl RigDesk {
         };
         // What stands in `held` is also how the loop keeps its time.
         self.held.flags = command.flags;
-        self.fill_in(m, command.session, command.tick, stamp_ns)
+        self.fill_in(m, plant.command_form(), command.session, command.tick, stamp_ns)
     }
 
     fn refuse(
@@ -250,10 +344,10 @@ impl RigDesk {
         self.enter_safe_state();
         self.ahead += 1;
         let mut m = plant.alone(self.period_ns);
-        m.status |= status::REFUSED;
+        m.status |= Status::REFUSED;
         // The times in a refused command are not to be trusted.
         let stamp_ns = clock.unwrap_or(self.stamp_ns.saturating_add(self.period_ns));
-        m = self.fill_in(m, session, tick, stamp_ns);
+        m = self.fill_in(m, plant.command_form(), session, tick, stamp_ns);
         m.refusal = refusal as u32;
         m
     }
@@ -266,18 +360,20 @@ impl RigDesk {
     fn fill_in(
         &mut self,
         mut m: RigMeasurement,
+        form: CommandForm,
         session: u64,
         tick: u64,
         stamp_ns: u64,
     ) -> RigMeasurement {
         self.stamp_ns = stamp_ns;
         m.protocol_version = PROTOCOL_VERSION;
-        m.reserved = 0;
+        m.capabilities.set(Capabilities::LEG_COMMAND, form.legs > 0);
+        m.capabilities.set(Capabilities::POSE_COMMAND, form.pose);
         m.session = session;
         m.tick = tick;
         m.stamp_ns = stamp_ns;
         if self.safe {
-            m.status |= status::SAFE_STATE;
+            m.status |= Status::SAFE_STATE;
         }
         m
     }

@@ -23,18 +23,21 @@ use iceoryx2::{
         },
         port_factory::{event, publish_subscribe},
         service_hash::ServiceHash,
+        static_config::messaging_pattern::MessagingPattern as StaticPattern,
     },
 };
 
 use crate::{
-    desk::{DeskCounts, RigDesk, SILENT_PERIODS},
-    port::{Refusal, RigCommand, RigMeasurement, Sequence, flag, status},
-    realtime::monotonic_ns,
+    clock::monotonic_ns,
+    message::{Flags, PROTOCOL_VERSION, Refusal, RigCommand, RigMeasurement, Status},
     rig::{Plant, Rig, RigError},
+    validate::{RigEnd, RigEndCounts, SILENT_PERIODS, Sequence},
 };
 
-/// Messages that wait for a slow reader; then the oldest is lost. Fixed by the protocol.
-const BUFFER: usize = 8;
+/// Messages that wait for a slow reader; then the oldest is lost. Fixed by the protocol. A rig in its safe
+/// state sends one a period to onlookers, and the answer among them must outlast a reader that the kernel
+/// has put aside.
+const BUFFER: usize = 64;
 /// Readers of each service: the other side, and onlookers. Fixed by the protocol.
 const READERS: usize = 4;
 /// Processes on each service. Fixed by the protocol.
@@ -80,6 +83,18 @@ pub enum IpcError {
     /// No rig.
     #[error("there is no rig of the name `{0}`: start the rig first, or mend the name")]
     NoRig(String),
+    /// The other side speaks another version of the port.
+    #[error(
+        "`{service}` is of version {theirs} of the port, this side speaks version {PROTOCOL_VERSION}: \
+         change that side as the section `From version 2 to version 3` of docs/rig-protocol.md says, \
+         build it again, and stop the one that still runs"
+    )]
+    Version {
+        /// Name of the service.
+        service: String,
+        /// Version of its type.
+        theirs: u32,
+    },
     /// The service carries something else.
     #[error(
         "`{0}` carries another type, or one of another size: build both sides from the same protocol \
@@ -114,6 +129,7 @@ impl IpcError {
     pub const fn refusal(&self) -> Option<Refusal> {
         match self {
             Self::Second { .. } => Some(Refusal::Second),
+            Self::Version { .. } => Some(Refusal::Version),
             Self::Payload(_) => Some(Refusal::Size),
             _ => None,
         }
@@ -215,7 +231,7 @@ impl<T: fmt::Debug + ZeroCopySend + 'static> Direction<T> {
         match Node::<ipc::Service>::state_of(Config::global_config(), writer?) {
             Ok(Some(NodeState::Alive(view))) => Some(match view.details() {
                 Some(d) => format!("process {} ({})", d.process_id(), d.executable()),
-                None => "a process that tells nothing of itself".to_owned(),
+                None => "a process that gives no details of itself".to_owned(),
             }),
             Ok(Some(NodeState::Inaccessible(_) | NodeState::Undefined(_))) => {
                 Some("a process of another user".to_owned())
@@ -246,7 +262,7 @@ fn data_failed(service: &str, e: PublishSubscribeOpenOrCreateError) -> Start {
     use PublishSubscribeOpenError as Open;
     use PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError as NotOpened;
     match e {
-        NotOpened(Open::IncompatibleTypes) => Start::Refused(IpcError::Payload(service.to_owned())),
+        NotOpened(Open::IncompatibleTypes) => Start::Refused(other_type(service)),
         NotOpened(
             Open::DoesNotSupportRequestedMinBufferSize
             | Open::DoesNotSupportRequestedMinHistorySize
@@ -276,6 +292,35 @@ fn bell_failed(service: &str, e: EventOpenOrCreateError) -> Start {
             stuck(service, MessagingPattern::Event, &e)
         }
         _ => Start::Retry(transport(service, &e)),
+    }
+}
+
+/// Which other type a service carries: an older version's structure, or anything.
+fn other_type(service: &str) -> IpcError {
+    let config = Config::global_config();
+    let details = service.try_into().ok().and_then(|name| {
+        <ipc::Service as iceoryx2::service::Service>::details(
+            &name,
+            config,
+            MessagingPattern::PublishSubscribe,
+        )
+        .ok()?
+    });
+    let type_name = details.and_then(|d| match d.static_details.messaging_pattern() {
+        StaticPattern::PublishSubscribe(p) => {
+            Some(p.message_type_details().payload.type_name().to_string())
+        }
+        _ => None,
+    });
+    let version = type_name.and_then(|name| {
+        let of = |what| name.strip_prefix(what)?.parse().ok();
+        of("DocktwinRigCommandV").or_else(|| of("DocktwinRigMeasurementV"))
+    });
+    match version {
+        Some(theirs) if theirs != PROTOCOL_VERSION => {
+            IpcError::Version { service: service.to_owned(), theirs }
+        }
+        _ => IpcError::Payload(service.to_owned()),
     }
 }
 
@@ -496,7 +541,7 @@ impl IpcRig {
         let made = end.writer.data.update_connections();
         made.map_err(|e| transport(&end.to.service, &e))?;
         end.writer.bell.notify().map_err(|e| transport(&end.to.service, &e))?;
-        // What a rig told an earlier loop is not for this one.
+        // What a rig answered an earlier loop is not for this one.
         while let Ok(Some(_)) = end.reader.read() {}
         Ok(Self { end, sequence: Sequence::default(), lockstep: false, sent: 0, unanswered: 0 })
     }
@@ -505,9 +550,9 @@ impl IpcRig {
     fn newest(&self) -> Result<Option<RigMeasurement>, RigError> {
         let mut newest = None;
         while let Some(m) = self.end.reader.read()? {
-            let answers = !m.has(status::UNASKED);
+            let answers = !m.is(Status::UNSOLICITED);
             // In lockstep, what comes late answers a command that was given up.
-            if answers && (!self.lockstep || m.tick == self.sent || m.has(status::REFUSED)) {
+            if answers && (!self.lockstep || m.tick == self.sent || m.is(Status::REFUSED)) {
                 newest = Some(m);
             }
         }
@@ -528,7 +573,7 @@ impl Rig for IpcRig {
             self.sequence = Sequence { session: command.session, tick: None };
             self.unanswered = 0;
         }
-        self.lockstep = command.flags & flag::LOCKSTEP != 0;
+        self.lockstep = command.flags.contains(Flags::LOCKSTEP);
         self.sent = command.tick;
         self.unanswered += 1;
         self.end.writer.write(command)
@@ -541,9 +586,9 @@ impl Rig for IpcRig {
     ) -> Result<Option<RigMeasurement>, RigError> {
         let begun = Instant::now();
         loop {
-            if let Some(m) = self.newest()? {
+            if let Some(mut m) = self.newest()? {
                 self.unanswered = 0;
-                self.sequence.measurement(&m, now_ns).map_err(RigError::Refused)?;
+                self.sequence.measurement(&mut m, now_ns).map_err(RigError::Refused)?;
                 return Ok(Some(m));
             }
             let left = patience.saturating_sub(begun.elapsed());
@@ -556,7 +601,7 @@ impl Rig for IpcRig {
     }
 }
 
-/// What a rig's end tells whoever runs it.
+/// What a rig's end reports to whoever runs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RigEvent {
     /// A loop has begun a session.
@@ -590,7 +635,7 @@ impl Default for ServeOptions {
     }
 }
 
-/// The rig's end as it is, for a bridge that passes messages on to where they are judged. Stays in the
+/// The rig's end as it is, for a bridge that passes messages on to where they are validated. Stays in the
 /// thread that made it.
 #[derive(Debug)]
 pub struct RigPort {
@@ -606,7 +651,7 @@ impl RigPort {
         Ok(Self { end: End::start(name, Side::Rig)? })
     }
 
-    /// The next command, not judged.
+    /// The next command, not validated.
     ///
     /// # Errors
     /// [`RigError::Transport`].
@@ -632,7 +677,7 @@ impl RigPort {
 #[derive(Debug)]
 pub struct RigServer {
     port: RigPort,
-    desk: RigDesk,
+    end: RigEnd,
 }
 
 impl RigServer {
@@ -641,16 +686,16 @@ impl RigServer {
     /// # Errors
     /// See [`IpcError`].
     pub fn open(name: &str) -> Result<Self, IpcError> {
-        Ok(Self { port: RigPort::open(name)?, desk: RigDesk::new() })
+        Ok(Self { port: RigPort::open(name)?, end: RigEnd::new() })
     }
 
     /// What was seen so far.
     #[must_use]
-    pub const fn counts(&self) -> DeskCounts {
-        self.desk.counts()
+    pub const fn counts(&self) -> RigEndCounts {
+        self.end.counts()
     }
 
-    /// Serves until `stop` says so, which is asked at least every 50 ms; `tell` hears what happens.
+    /// Serves until `stop` says so, which is asked at least every 50 ms; `report` gets what happens.
     ///
     /// # Errors
     /// [`RigError::Transport`] when measurements cannot be sent or commands not be read.
@@ -659,34 +704,34 @@ impl RigServer {
         plant: &mut impl Plant,
         options: ServeOptions,
         mut stop: impl FnMut() -> bool,
-        mut tell: impl FnMut(RigEvent),
-    ) -> Result<DeskCounts, RigError> {
+        mut report: impl FnMut(RigEvent),
+    ) -> Result<RigEndCounts, RigError> {
         while !stop() {
-            let (session, safe) = (self.desk.session(), self.desk.is_safe());
+            let (session, safe) = (self.end.session(), self.end.is_safe());
             let m = match self.port.receive()? {
-                Some(command) => self.desk.command(plant, &command, monotonic_ns()),
+                Some(command) => self.end.command(plant, &command, monotonic_ns()),
                 None => {
                     let now_ns = monotonic_ns();
-                    let due_ns = self.desk.due_ns(options.lockstep_patience);
+                    let due_ns = self.end.due_ns(options.lockstep_patience);
                     if now_ns < due_ns {
                         let patience = Duration::from_nanos(due_ns - now_ns).min(STOP_CHECK);
                         self.port.wait(patience);
                         continue;
                     }
-                    self.desk.silence(plant, now_ns)
+                    self.end.silence(plant, now_ns)
                 }
             };
             self.port.send(&m)?;
             if let Some(refusal) = Refusal::from_number(m.refusal) {
-                tell(RigEvent::Refused { refusal, tick: m.tick });
+                report(RigEvent::Refused { refusal, tick: m.tick });
             }
-            if self.desk.session() != session {
-                tell(RigEvent::Session(m.session));
+            if self.end.session() != session {
+                report(RigEvent::Session(m.session));
             }
-            if self.desk.is_safe() && !safe {
-                tell(RigEvent::SafeState { tick: self.desk.tick() });
+            if self.end.is_safe() && !safe {
+                report(RigEvent::SafeState { tick: self.end.tick() });
             }
         }
-        Ok(self.desk.counts())
+        Ok(self.end.counts())
     }
 }

@@ -2,8 +2,12 @@
 
 use core::mem::{align_of, offset_of};
 
-use docktwin_hil::port::{
-    PROTOCOL_VERSION, Refusal, RigCommand, RigMeasurement, RigMode, flag, status,
+use docktwin_rigport::{
+    guard::GuardLimits,
+    message::{
+        Capabilities, DriveKind, Flags, MechanismMode, PROTOCOL_VERSION, Refusal, RigCommand,
+        RigMeasurement, RigMode, Status,
+    },
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -43,16 +47,19 @@ trait OnPage {
     const COUNT: usize = 1;
 }
 
-impl OnPage for u32 {
-    const NAME: &'static str = "u32";
+macro_rules! on_page {
+    ($($type:ty: $name:literal),+) => { $(
+        impl OnPage for $type {
+            const NAME: &'static str = $name;
+        }
+    )+ };
 }
 
-impl OnPage for u64 {
-    const NAME: &'static str = "u64";
-}
+on_page!(u32: "u32", u64: "u64", f64: "f64");
+on_page!(Capabilities: "u32", Flags: "u32", GuardLimits: "u32", Status: "u32");
 
-impl<const N: usize> OnPage for [f64; N] {
-    const NAME: &'static str = "f64";
+impl<T: OnPage, const N: usize> OnPage for [T; N] {
+    const NAME: &'static str = T::NAME;
     const COUNT: usize = N;
 }
 
@@ -77,9 +84,13 @@ macro_rules! layout {
 #[test]
 fn invariant_the_page_gives_every_byte_of_a_command() {
     let layout: Vec<Field> = layout!(RigCommand::zero(), RigCommand:
-        protocol_version, mode, flags, reserved, session, tick, loop_time_ns, wakeup_ns, period_ns,
-        leg_length_m, leg_speed_m_s, leg_flow_speed_m_s, leg_force_n, plate_position_m,
-        plate_attitude, plate_velocity_m_s, plate_rate_rad_s, mechanism);
+        protocol_version, mode, flags, leg_count, session, tick, loop_time_ns, wakeup_ns, period_ns,
+        leg_length_m, leg_speed_m_s, leg_flow_speed_m_s, leg_force_n, flow_ahead_s, force_ahead_s,
+        plate_position_m, plate_attitude, plate_velocity_m_s, plate_rate_rad_s, plate_acceleration,
+        plate_wrench, mechanism_mode, guard_limits, mechanism, guard_reference_a, guard_reference_b,
+        guard_force_n, guard_moment_nm, guard_leg_speed_m_s, guard_speed_m_s, guard_rate_rad_s,
+        guard_point_m, guard_box_middle_m, guard_box_attitude, guard_box_half_m, guard_box_turn_rad,
+        reserved);
     let page = page();
     assert_eq!(fields(section(&page, "### RigCommand")), layout);
     check_whole::<RigCommand>(&page, "RigCommand", &layout);
@@ -88,9 +99,11 @@ fn invariant_the_page_gives_every_byte_of_a_command() {
 #[test]
 fn invariant_the_page_gives_every_byte_of_a_measurement() {
     let layout: Vec<Field> = layout!(RigMeasurement::zero(), RigMeasurement:
-        protocol_version, status, refusal, reserved, session, tick, stamp_ns, state_digest,
-        leg_length_m, leg_speed_m_s, leg_force_n, valve_spool, sensor_a, sensor_b, plate_acceleration, mechanism,
-        temperature_c, truth_position_m, truth_attitude, truth_twist, truth_port3, truth_port4);
+        protocol_version, status, refusal, capabilities, session, tick, stamp_ns, state_digest, drive,
+        leg_count, latch_count, guard_tripped, leg_length_m, leg_speed_m_s, leg_force_n, valve_spool,
+        sensor_a, sensor_b, plate_acceleration, plate_position_m, plate_attitude, plate_velocity_m_s,
+        plate_rate_rad_s, latch_phase, ring_displacement_m, ring_rotation_rad, temperature_c,
+        truth_position_m, truth_attitude, truth_twist, truth_port3, truth_port4, reserved);
     let page = page();
     assert_eq!(fields(section(&page, "### RigMeasurement")), layout);
     check_whole::<RigMeasurement>(&page, "RigMeasurement", &layout);
@@ -156,7 +169,7 @@ fn listing_after<'a>(page: &'a str, begin: &str, end: &str) -> &'a str {
 }
 
 #[test]
-fn invariant_the_page_names_every_mode_refusal_and_bit() {
+fn invariant_the_page_names_every_mode_and_refusal() {
     let page = page();
     let modes = rows(section(&page, "### Modes"));
     for (n, row) in modes.iter().enumerate() {
@@ -167,37 +180,72 @@ fn invariant_the_page_names_every_mode_refusal_and_bit() {
     }
     assert_eq!(RigMode::from_number(u32::try_from(modes.len()).expect("few")), None);
 
+    let mechanism = rows(section(&page, "### Mechanism modes"));
+    for (n, row) in mechanism.iter().enumerate() {
+        let mode = MechanismMode::from_number(u32::try_from(n).expect("few"));
+        assert_eq!(format!("{:?}", mode.expect("a mode of the page")).to_lowercase(), row[2]);
+    }
+    assert_eq!(MechanismMode::from_number(u32::try_from(mechanism.len()).expect("few")), None);
+
     let refusals = rows(section(&page, "### Refusals"));
-    for (n, row) in refusals.iter().enumerate() {
+    assert_eq!(refusals.len(), Refusal::ALL.len());
+    for (n, (row, refusal)) in refusals.iter().zip(Refusal::ALL).enumerate() {
         let number = u32::try_from(n + 1).expect("few");
         assert_eq!(row[1], number.to_string());
-        let refusal = Refusal::from_number(number).expect("a refusal of the page");
-        let word = row[2].replace(' ', "");
-        assert_eq!(format!("{refusal:?}").to_lowercase(), word);
-        assert_eq!(refusal as u32, number);
+        assert_eq!(format!("{refusal:?}").to_lowercase(), row[2].replace(' ', ""));
+        assert_eq!((refusal as u32, Refusal::from_number(number)), (number, Some(refusal)));
     }
     let beyond = u32::try_from(refusals.len() + 1).expect("few");
-    assert_eq!(Refusal::from_number(beyond), None);
-
-    let bits = rows(section(&page, "### Status bits"));
-    let expected = [
-        (status::ENABLED, "enabled"),
-        (status::LIMIT_SWITCH, "limit switch"),
-        (status::EMERGENCY_STOP, "emergency stop"),
-        (status::SENSOR_A_SATURATED | status::SENSOR_B_SATURATED, "sensor A, sensor B"),
-        (status::SAFE_STATE, "safe state"),
-        (status::REFUSED, "refused"),
-        (status::TRUTH, "truth_"),
-        (status::UNASKED, "unasked"),
-        (status::ACCELEROMETER, "accelerometers"),
-        (status::ACCELEROMETER_SATURATED, "end of their range"),
-    ];
-    assert_eq!(bits.len(), expected.len());
-    for (row, (mask, word)) in bits.iter().zip(expected) {
-        let named = row[1].split(", ").map(|b| 1_u32 << b.parse::<u32>().expect("a bit"));
-        assert_eq!(named.fold(0, |a, b| a | b), mask, "{word}");
-        assert!(row[2].contains(word), "{row:?}");
-    }
-    assert_eq!((flag::LOCKSTEP, flag::DRY_RUN), (1, 2));
+    assert_eq!((Refusal::from_number(0), Refusal::from_number(beyond)), (None, None));
+    assert_eq!((Flags::LOCKSTEP.bits(), Flags::DRY_RUN.bits()), (1, 2));
     assert!(page.contains("bit 0 lockstep, bit 1 dry run"));
+    let kinds = [DriveKind::Unstated, DriveKind::Hydraulic, DriveKind::PositionLoop];
+    assert_eq!(kinds.map(|k| k as u32), [0, 1, 2]);
+    assert_eq!(DriveKind::from_number(3), None);
+    assert!(page.contains("0 not stated, 1 hydraulic, 2 position loop"));
+}
+
+/// A row of a table of bits: the bits it names, and its second cell.
+fn bits(page: &str, heading: &str) -> Vec<(u32, String)> {
+    let named = |row: Vec<String>| {
+        let bits = row[1].split(", ").map(|b| 1_u32 << b.parse::<u32>().expect("a bit"));
+        (bits.fold(0, |a, b| a | b), row[2].clone())
+    };
+    rows(section(page, heading)).into_iter().map(named).collect()
+}
+
+/// Every bit of a table of the page by its name in the code, and no other.
+fn check_names<F: bitflags::Flags<Bits = u32>>(page: &str, heading: &str) {
+    let found = bits(page, heading);
+    let expected: Vec<(u32, String)> = F::FLAGS
+        .iter()
+        .map(|f| (f.value().bits(), f.name().to_lowercase().replace('_', " ")))
+        .collect();
+    assert_eq!(found, expected, "{heading}");
+}
+
+#[test]
+fn invariant_the_page_names_every_bit() {
+    let page = page();
+    check_names::<Capabilities>(&page, "### Capability bits");
+    check_names::<GuardLimits>(&page, "### The guard");
+    let expected = [
+        (Status::ENABLED, "enabled"),
+        (Status::LIMIT_SWITCH, "limit switch"),
+        (Status::EMERGENCY_STOP, "emergency stop"),
+        (Status::SENSOR_A_SATURATED | Status::SENSOR_B_SATURATED, "sensor A, sensor B"),
+        (Status::SAFE_STATE, "safe state"),
+        (Status::REFUSED, "refused"),
+        (Status::UNSOLICITED, "unsolicited"),
+        (Status::ACCELEROMETER_SATURATED, "end of their range"),
+        (Status::JOINED, "joined"),
+    ];
+    let found = bits(&page, "### Status bits");
+    assert_eq!(found.len(), expected.len());
+    for ((mask, text), (status, word)) in found.iter().zip(expected) {
+        assert_eq!(*mask, status.bits(), "{word}");
+        assert!(text.contains(word), "{text}");
+    }
+    let all = expected.iter().fold(Status::empty(), |a, b| a | b.0);
+    assert_eq!(all, Status::all());
 }

@@ -1,7 +1,10 @@
 //! Both structures of the port as bytes, for transports that carry nothing else: the layout of
 //! `docs/rig-protocol.md`, little-endian whatever the machine.
 
-use crate::port::{Refusal, RigCommand, RigMeasurement};
+use crate::{
+    guard::GuardLimits,
+    message::{Capabilities, Flags, Refusal, RigCommand, RigMeasurement, Status},
+};
 
 /// A field on the wire.
 trait Field {
@@ -33,7 +36,25 @@ macro_rules! number {
 
 number!(u32, u64, f64);
 
-impl<const N: usize> Field for [f64; N] {
+macro_rules! bits {
+    ($($type:ty),+) => { $(
+        impl Field for $type {
+            fn put(&self, out: &mut &mut [u8]) {
+                self.bits().put(out);
+            }
+
+            fn take(&mut self, from: &mut &[u8]) {
+                let mut bits = 0;
+                bits.take(from);
+                *self = Self::from_bits_retain(bits);
+            }
+        }
+    )+ };
+}
+
+bits!(Capabilities, Flags, GuardLimits, Status);
+
+impl<T: Field, const N: usize> Field for [T; N] {
     fn put(&self, out: &mut &mut [u8]) {
         self.iter().for_each(|x| x.put(out));
     }
@@ -60,7 +81,7 @@ macro_rules! wire {
                 bytes
             }
 
-            /// From bytes; what they say is not judged.
+            /// From bytes; what they say is not validated.
             ///
             /// # Errors
             /// [`Refusal::Size`].
@@ -77,14 +98,20 @@ macro_rules! wire {
     };
 }
 
-wire!(RigCommand: protocol_version, mode, flags, reserved, session, tick, loop_time_ns, wakeup_ns,
-    period_ns, leg_length_m, leg_speed_m_s, leg_flow_speed_m_s, leg_force_n, plate_position_m,
-    plate_attitude, plate_velocity_m_s, plate_rate_rad_s, mechanism);
+wire!(RigCommand: protocol_version, mode, flags, leg_count, session, tick, loop_time_ns, wakeup_ns,
+    period_ns, leg_length_m, leg_speed_m_s, leg_flow_speed_m_s, leg_force_n, flow_ahead_s,
+    force_ahead_s, plate_position_m, plate_attitude, plate_velocity_m_s, plate_rate_rad_s,
+    plate_acceleration, plate_wrench, mechanism_mode, guard_limits, mechanism, guard_reference_a,
+    guard_reference_b, guard_force_n, guard_moment_nm, guard_leg_speed_m_s, guard_speed_m_s,
+    guard_rate_rad_s, guard_point_m, guard_box_middle_m, guard_box_attitude, guard_box_half_m,
+    guard_box_turn_rad, reserved);
 
-wire!(RigMeasurement: protocol_version, status, refusal, reserved, session, tick, stamp_ns,
-    state_digest, leg_length_m, leg_speed_m_s, leg_force_n, valve_spool, sensor_a, sensor_b,
-    plate_acceleration, mechanism, temperature_c, truth_position_m, truth_attitude, truth_twist,
-    truth_port3, truth_port4);
+wire!(RigMeasurement: protocol_version, status, refusal, capabilities, session, tick, stamp_ns,
+    state_digest, drive, leg_count, latch_count, guard_tripped, leg_length_m, leg_speed_m_s,
+    leg_force_n, valve_spool, sensor_a, sensor_b, plate_acceleration, plate_position_m,
+    plate_attitude, plate_velocity_m_s, plate_rate_rad_s, latch_phase, ring_displacement_m,
+    ring_rotation_rad, temperature_c, truth_position_m, truth_attitude, truth_twist, truth_port3,
+    truth_port4, reserved);
 
 #[cfg(test)]
 mod tests {
@@ -117,7 +144,8 @@ mod tests {
         (m.refusal, m.truth_port4[5]) = (3, -2.5);
         let bytes = m.to_bytes();
         assert_eq!(bytes[offset_of!(RigMeasurement, refusal)..][..4], [3, 0, 0, 0]);
-        assert_eq!(bytes[RigMeasurement::WIRE_BYTES - 8..], (-2.5_f64).to_le_bytes());
+        let at = offset_of!(RigMeasurement, truth_port4) + 40;
+        assert_eq!(bytes[at..][..8], (-2.5_f64).to_le_bytes());
     }
 
     #[test]

@@ -5,13 +5,13 @@
 //! ```
 //!
 //! On the rig's machine, where a rig `steel` runs:
-//! `cargo run --release -p docktwin-hil --example udp_bridge -- far steel 10.0.0.2:5600 10.0.0.1:5600`
+//! `cargo run --release -p docktwin-rigport --example udp_bridge -- far steel 10.0.0.2:5600 10.0.0.1:5600`
 //!
 //! On the loop's machine:
-//! `cargo run --release -p docktwin-hil --example udp_bridge -- near steel 10.0.0.1:5600 10.0.0.2:5600`,
+//! `cargo run --release -p docktwin-rigport --example udp_bridge -- near steel 10.0.0.1:5600 10.0.0.2:5600`,
 //! then `docktwin hil SCENARIO --rig ipc:steel`.
 //!
-//! The ends judge nothing; the rig does, and the loop. They only take time stamps from one
+//! The ends validate nothing; the rig does, and the loop. They only take time stamps from one
 //! `CLOCK_MONOTONIC` to the other. Use a cable of its own: nothing here is encrypted or authenticated.
 
 use std::{
@@ -21,10 +21,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use docktwin_hil::{
+use docktwin_rigport::{
+    clock::monotonic_ns,
     ipc::{IpcRig, RigPort},
-    port::{RigCommand, RigMeasurement, flag},
-    realtime::monotonic_ns,
+    message::{Flags, RigCommand, RigMeasurement},
     rig::{Rig, RigError},
 };
 
@@ -225,7 +225,7 @@ pub(crate) fn near(
         while let Some(command) = port.receive()? {
             quiet = false;
             // In lockstep there is no clock but the loop's.
-            let lockstep = command.flags & flag::LOCKSTEP != 0;
+            let lockstep = command.flags.contains(Flags::LOCKSTEP);
             let offset_ns = if lockstep { 0 } else { end.clocks.offset_ns() };
             end.wire.send(COMMAND, offset_ns, &command.to_bytes())?;
         }
@@ -246,11 +246,21 @@ pub(crate) fn far(
     socket: UdpSocket,
     mut stop: impl FnMut() -> bool,
 ) -> Result<(), Failure> {
-    socket.set_read_timeout(Some(Duration::from_millis(50)))?;
+    let idle = Some(Duration::from_millis(50));
+    socket.set_read_timeout(idle)?;
     let mut rig = IpcRig::connect(name, LOCKSTEP_PATIENCE)?;
     let mut wire = Wire::new(socket);
     let mut buffer = [0; LARGEST + 1];
+    // Offset of a command whose answer has not come within its tick.
+    let mut owed = None;
     while !stop() {
+        if let Some(offset_ns) = owed
+            && let Some(m) = answer(&mut rig, Duration::ZERO)?
+        {
+            owed = None;
+            wire.socket.set_read_timeout(idle)?;
+            wire.send(MEASUREMENT, offset_ns, &m.to_bytes())?;
+        }
         let Some((header, body)) = wire.receive(&mut buffer)? else { continue };
         match header.kind {
             PING => {
@@ -263,8 +273,12 @@ pub(crate) fn far(
             COMMAND => {
                 // One of another size is lost; silence brings the rig to its safe state.
                 let Ok(command) = RigCommand::from_bytes(body) else { continue };
-                if let Some(m) = exchange(&mut rig, command, header.offset_ns)? {
-                    wire.send(MEASUREMENT, header.offset_ns, &m.to_bytes())?;
+                match exchange(&mut rig, command, header.offset_ns)? {
+                    Some(m) => wire.send(MEASUREMENT, header.offset_ns, &m.to_bytes())?,
+                    None => {
+                        owed = Some(header.offset_ns);
+                        wire.socket.set_read_timeout(Some(Duration::from_millis(1)))?;
+                    }
                 }
             }
             _ => (),
@@ -280,11 +294,15 @@ fn exchange(
     offset_ns: i64,
 ) -> Result<Option<RigMeasurement>, RigError> {
     command.wakeup_ns = command.wakeup_ns.saturating_add_signed(offset_ns);
-    let lockstep = command.flags & flag::LOCKSTEP != 0;
+    let lockstep = command.flags.contains(Flags::LOCKSTEP);
     let period = Duration::from_nanos(command.period_ns).min(LOCKSTEP_PATIENCE);
     rig.send(&command)?;
-    // Whether its time has come is for the loop to say.
-    match rig.receive(if lockstep { LOCKSTEP_PATIENCE } else { period }, u64::MAX) {
+    answer(rig, if lockstep { LOCKSTEP_PATIENCE } else { period })
+}
+
+/// What the rig answers within `patience`. Whether its time has come is for the loop to say.
+fn answer(rig: &mut IpcRig, patience: Duration) -> Result<Option<RigMeasurement>, RigError> {
+    match rig.receive(patience, u64::MAX) {
         Err(RigError::Refused(_)) => Ok(None),
         answer => answer,
     }

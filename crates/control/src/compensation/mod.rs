@@ -1,0 +1,185 @@
+//! What is done against the delay of the rig: one file a method, one seam for all of them.
+//!
+//! A method is called twice in a tick, because a tick has two places where it can act:
+//!
+//! 1. [`Compensator::wrench`], before the bodies are integrated: what was measured is known, and a
+//!    correction of the wrenches still reaches the bodies in this tick. One that came after would be a
+//!    tick late, which in the fastest row of Table 4 is 3 % of R_e.
+//! 2. [`Compensator::command`], after it: the motion of the bodies at `t_{k+1}` is known, and the command
+//!    for it is made.
+//!
+//! A new method is a file here, a variant of [`Compensation`] and of [`Method`], and its word on the
+//! command line; `tests/compensation.rs` holds what every method must pass.
+
+mod context;
+mod lead;
+mod none;
+
+use docktwin_core::Wrench;
+use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
+
+pub use context::{LoopContext, Measured, Phase};
+pub use lead::{Lead, MOST_LEAD_S};
+pub use none::Uncompensated;
+
+/// A method against the delay of the rig.
+///
+/// On the path of the loop: no allocation, no lock, no clock, no logging. The same calls give the same
+/// bits. Finite inputs give finite outputs.
+pub trait Compensator {
+    /// Name as on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Forgets everything of an earlier run. Called when the loop is armed, before its first tick.
+    fn reset(&mut self);
+
+    /// The wrenches to add to those measured at the ports before the bodies take them, or `None` where
+    /// the method corrects none. `seen.bodies` stands at `t_k`, the instant of the measurement.
+    ///
+    /// It is called in every phase, so that a model can follow the rig; only the closed loop applies it.
+    /// Limits, first contact and verdicts go by the measured wrenches.
+    fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports>;
+
+    /// What to command so that the rig shows `next`, the motion wanted at `t_{k+1}`. `seen.bodies` stands
+    /// at `t_{k+1}` now.
+    fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand;
+
+    /// Digest of the method's own state, for methods that have any: a replay compares it.
+    fn digest(&self) -> Option<u64> {
+        None
+    }
+}
+
+/// What the rig is commanded: the relative motion at the time at which each path arrives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Demand {
+    /// Lengths and pose.
+    pub pose: Target,
+    /// Flow through the valves, later by [`PathTimes::flow_ahead_s`]; without, it is carried on from
+    /// `pose` with constant jerk.
+    ///
+    /// [`PathTimes::flow_ahead_s`]: crate::feedforward::PathTimes::flow_ahead_s
+    pub flow: Option<Target>,
+    /// Force of the legs, later by [`PathTimes::force_ahead_s`]; without, it is that of `pose`.
+    ///
+    /// [`PathTimes::force_ahead_s`]: crate::feedforward::PathTimes::force_ahead_s
+    pub force: Option<Target>,
+}
+
+impl Demand {
+    /// One motion for all paths, no contact expected.
+    #[must_use]
+    pub fn of(motion: RelativeMotion) -> Self {
+        Self { pose: Target { motion, contact: None }, flow: None, force: None }
+    }
+
+    /// True when every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        [Some(self.pose), self.flow, self.force].iter().flatten().all(Target::is_finite)
+    }
+}
+
+/// Where one path is to be when it arrives, and what touches it there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Target {
+    /// Motion of `e4` against `e3`.
+    pub motion: RelativeMotion,
+    /// The contact expected, which the legs must hold against.
+    pub contact: Option<ExpectedContact>,
+}
+
+impl Target {
+    /// True when every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let contact = |c: ExpectedContact| c.port4.is_finite() && c.rate.is_finite();
+        self.motion.is_finite() && self.contact.is_none_or(contact)
+    }
+}
+
+/// A contact as it is expected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ExpectedContact {
+    /// F4, M4: on the target at the origin of `e4`, in `e4`, N and N·m.
+    pub port4: Wrench,
+    /// Its rate, N/s and N·m/s.
+    pub rate: Wrench,
+}
+
+/// A method and its parameters, as chosen for a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Compensation {
+    /// None: the motion as it is.
+    None,
+    /// `x + τ v`: the lead τ in seconds, 0 to [`MOST_LEAD_S`].
+    Lead(f64),
+}
+
+impl Compensation {
+    /// Name as on the command line.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.method().name()
+    }
+
+    /// Its lead, s.
+    #[must_use]
+    pub const fn lead_s(&self) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Lead(lead_s) => *lead_s,
+        }
+    }
+
+    /// The method, before its first tick.
+    #[must_use]
+    pub const fn method(&self) -> Method {
+        match self {
+            Self::None => Method::None(Uncompensated),
+            Self::Lead(lead_s) => Method::Lead(Lead::new(*lead_s)),
+        }
+    }
+}
+
+/// The methods there are, one of which a loop of the command line runs. A loop may also be given a method
+/// of one's own.
+#[derive(Clone, Debug)]
+pub enum Method {
+    /// See [`Uncompensated`].
+    None(Uncompensated),
+    /// See [`Lead`].
+    Lead(Lead),
+}
+
+/// Calls the same method of whatever method it is.
+macro_rules! each {
+    ($method:expr, $m:ident => $call:expr) => {
+        match $method {
+            Method::None($m) => $call,
+            Method::Lead($m) => $call,
+        }
+    };
+}
+
+impl Compensator for Method {
+    fn name(&self) -> &'static str {
+        each!(self, m => m.name())
+    }
+
+    fn reset(&mut self) {
+        each!(self, m => m.reset());
+    }
+
+    fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports> {
+        each!(self, m => m.wrench(seen))
+    }
+
+    fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
+        each!(self, m => m.command(seen, next))
+    }
+
+    fn digest(&self) -> Option<u64> {
+        each!(self, m => m.digest())
+    }
+}
