@@ -9,6 +9,7 @@
 
 mod check;
 pub mod input;
+pub mod keys;
 mod load_mechanism;
 mod load_rig;
 mod load_spacecraft;
@@ -23,8 +24,9 @@ pub mod toml_check;
 mod urdf;
 
 pub use check::{Report, model_check};
+pub use keys::contact_ranges;
 pub use load_mechanism::{
-    AttenuationChoice, MatedFit, contact_ranges, load_mechanism, load_mechanism_from, mated_fit,
+    AttenuationChoice, MatedFit, load_mechanism, load_mechanism_from, mated_fit,
 };
 pub use load_rig::{load_rig, load_rig_from};
 pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};

@@ -12,8 +12,9 @@ mod loader;
 mod overrides;
 
 pub use builder::ScenarioBuilder;
+pub use docktwin_model::keys::UnknownKey;
 pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
-pub use keys::{Explained, UnknownKey, explain, explained};
+pub use keys::{Explained, explain, explained};
 pub use load::{
     Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
     Thrust, Trigger, load_scenario, resolve_path, resolve_path_from,

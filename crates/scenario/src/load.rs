@@ -10,7 +10,7 @@ use docktwin_model::{
 };
 
 use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
-use crate::keys::{Shape, find};
+use crate::keys::{Shape, find, places};
 use crate::loader::{Loader, Patch};
 use crate::overrides;
 
@@ -220,7 +220,7 @@ pub(crate) fn checked(
     let path = file.path.clone();
     let mut problems = Vec::new();
     let effective = apply(&path, text, patches, label, &mut problems);
-    let checker = Checker::new(&path, &effective);
+    let checker = Checker::new(&path, &effective).with_places(places());
     let read = checker.read(read_scenario);
     problems.extend(checker.finish().0);
 
