@@ -9,30 +9,11 @@ use crate::keys::{FileKind, NORMAL_LAWS};
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::urdf::{self, UrdfTree};
 use crate::{
-    Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
-    DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
-    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Stick,
+    AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw,
+    OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
+    Stick,
 };
-
-/// Which attenuator carries the active ring.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AttenuationChoice {
-    /// Six tables, one per axis.
-    Characteristic,
-    /// Six coupled screw legs.
-    Differential,
-    /// None: the ring is part of the chaser.
-    Rigid,
-}
-
-impl AttenuationChoice {
-    /// Words by which files name the choices.
-    pub const WORDS: [(&'static str, Self); 3] = [
-        ("characteristic", Self::Characteristic),
-        ("differential", Self::Differential),
-        ("rigid", Self::Rigid),
-    ];
-}
 
 /// Reads both sides of a docking mechanism, each a URDF with a TOML of the same name beside it.
 /// Without `attenuation` the default of the active side's file is taken.

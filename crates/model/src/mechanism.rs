@@ -190,6 +190,26 @@ pub enum Attenuator {
     Differential(DifferentialAttenuator),
 }
 
+/// Which attenuator carries the active ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AttenuationChoice {
+    /// Six tables, one per axis.
+    Characteristic,
+    /// Six coupled screw legs.
+    Differential,
+    /// None: the ring is part of the chaser.
+    Rigid,
+}
+
+impl AttenuationChoice {
+    /// Words by which files name the choices.
+    pub const WORDS: [(&'static str, Self); 3] = [
+        ("characteristic", Self::Characteristic),
+        ("differential", Self::Differential),
+        ("rigid", Self::Rigid),
+    ];
+}
+
 /// Per-axis characteristic of the attenuation (Fig. 6–9): X; Y/Z; pitch/yaw; roll.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CharacteristicAttenuator {

@@ -1,7 +1,7 @@
 //! Keys of the TOML beside each side of a docking mechanism.
 
 use super::{Group, Key, Need, Need::Required, SCHEMA, Shape, key, names, table, tables};
-use crate::load_mechanism::AttenuationChoice;
+use crate::mechanism::AttenuationChoice;
 use crate::toml_check::Range;
 
 /// Ranges of the contact law, shared with scenarios that override parts of it.
@@ -209,7 +209,7 @@ pub(super) const ACTIVE: &[Group] = &[
                 Shape::Number(Range::within(1e-4, 1e5)),
                 "39.1",
                 "Mass of ring, petals and latches together.",
-                "It is **not** part of the chaser's mass: the chaser's URDF is without it. With the \
+                "It is not part of the chaser's mass: the chaser's URDF is without it. With the \
                  attenuation `rigid` it is added to the chaser. Larger makes first contacts harder, since \
                  the ring has to be pushed aside before the attenuator gives in.",
             ),
@@ -578,7 +578,7 @@ const ROTATION: &[Key] = &[
         "loading_nm_over_rad",
         Shape::Rows(None, 2, CURVE),
         "[[0.0, 0.0], [0.2, 200.0]]",
-        "Moment over deflection while the deflection grows, as points [rad, N·m] (**radians**, while \
+        "Moment over deflection while the deflection grows, as points [rad, N·m] (radians, while \
          travels are degrees); linear between them, extended with the last slope.",
         "The spring of the channel.",
     ),

@@ -45,7 +45,7 @@ pub fn markdown(groups: &[Group]) -> String {
     out
 }
 
-fn all<'a>(groups: &'a [Group]) -> impl Iterator<Item = (&'a Group, &'a Signal)> {
+fn all(groups: &[Group]) -> impl Iterator<Item = (&Group, &Signal)> {
     groups.iter().flat_map(|g| g.signals.iter().map(move |s| (g, s)))
 }
 
