@@ -6,6 +6,27 @@
 //! What URDF can say of a spacecraft (masses, placements) the URDF alone says, and the TOML beside
 //! it holds the notes. The shapes of a mechanism are parameters of the TOML, from which collision
 //! shapes and meshes are generated; where its URDF repeats one of them the two must agree.
+//!
+//! ```
+//! use docktwin_model::{load_mechanism, load_spacecraft, model_check};
+//! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf");
+//! let chaser = load_spacecraft(&root.join("chaser_8t.urdf"))?.model;
+//! let mechanism = load_mechanism(
+//!     &root.join("apas_active.urdf"),
+//!     &root.join("apas_passive.urdf"),
+//!     None,
+//! )?
+//! .model;
+//! // The ring is a body of its own: 8000 kg come together.
+//! assert!((chaser.mass_kg + mechanism.ring_body.mass_kg - 8000.0).abs() < 1e-9);
+//!
+//! // Everything that is read, ignored, flagged or refused, line by line.
+//! let report = model_check(&root.join("stewart.toml"));
+//! assert!(report.refused.is_empty() && !report.flagged.is_empty());
+//! # Ok::<(), docktwin_model::ModelErrors>(())
+//! ```
+//!
+//! What a key means, and what may stand behind it: [`keys`].
 
 mod check;
 pub mod input;
