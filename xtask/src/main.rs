@@ -1,4 +1,5 @@
-//! Tasks of the project: `cargo xtask test`, `cargo xtask meshes`, `cargo xtask docs`.
+//! Tasks of the project: `cargo xtask test`, `cargo xtask meshes`, `cargo xtask docs`,
+//! `cargo xtask docs-tables`.
 
 mod gate;
 mod scenarios;
@@ -25,7 +26,8 @@ Examples:
   cargo xtask test                     before every push; .ci/run calls exactly this
   cargo xtask test --only scenarios    one step again, while mending it
   cargo xtask meshes                   after a change of a ring, a petal or a hull
-  cargo xtask docs                     the public API, as HTML under target/doc";
+  cargo xtask docs                     the public API, as HTML under target/doc
+  cargo xtask docs-tables              after a change of a key of the models or of a signal";
 
 #[derive(Debug, Subcommand)]
 enum Task {
@@ -41,6 +43,8 @@ enum Task {
     Meshes,
     /// Build the documentation of the public API, warnings denied
     Docs,
+    /// Write the tables of keys and signals in docs/ again, from the tables in the code
+    DocsTables,
 }
 
 fn main() -> ExitCode {
@@ -51,6 +55,7 @@ fn main() -> ExitCode {
         Task::Docs => gate::docs(&root).map(|()| {
             println!("open {}", root.join("target/doc/docktwin/index.html").display());
         }),
+        Task::DocsTables => docs_tables(&root),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -65,6 +70,15 @@ fn main() -> ExitCode {
 fn root() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.parent().unwrap_or(here).to_owned()
+}
+
+/// The tests that hold the pages against the code write them instead.
+fn docs_tables(root: &Path) -> Result<(), String> {
+    let mut tests = shell::cargo(root, &["test", "--quiet", "-p", "docktwin-model"]);
+    tests.args(["-p", "docktwin-run", "--test", "models_page", "--test", "signals_page"]);
+    shell::run(tests.env("UPDATE_DOCS", "1"))?;
+    println!("docs/models.md, docs/signals.md");
+    Ok(())
 }
 
 fn meshes(root: &Path) -> Result<(), String> {

@@ -48,7 +48,7 @@ pub(crate) enum Command {
     /// Close the loop around a rig, emulated or real, in virtual or in real time
     #[command(after_help = HIL)]
     Hil(HilArgs),
-    /// Check the files of a model
+    /// Check the files of a model, or explain their keys
     #[command(subcommand)]
     Model(ModelCommand),
     /// Check a scenario, or explain its keys
@@ -268,6 +268,26 @@ pub(crate) enum ModelCommand {
         /// URDF or TOML of a spacecraft or of one side of a mechanism
         file: PathBuf,
     },
+    /// Explain a key of the TOML of spacecraft, mechanisms and rigs, or all of them
+    #[command(
+        after_help = "Examples:\n  docktwin model explain\n  docktwin model explain ring_body.mass_kg\n  docktwin model explain spread --kind rig"
+    )]
+    Explain {
+        /// Key or table, with dots
+        key: Option<String>,
+        /// Only of one kind of file
+        #[arg(long, value_name = "KIND", value_parser = file_kind)]
+        kind: Option<docktwin_model::keys::FileKind>,
+    },
+}
+
+fn file_kind(text: &str) -> Result<docktwin_model::keys::FileKind, String> {
+    let words = docktwin_model::keys::FileKind::WORDS;
+    words
+        .into_iter()
+        .find(|(w, _)| *w == text)
+        .map(|(_, kind)| kind)
+        .ok_or_else(|| format!("a kind is one of {}", words.map(|(w, _)| w).join(", ")))
 }
 
 /// `scenario …`.

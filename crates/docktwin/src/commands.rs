@@ -5,7 +5,10 @@ use std::{
     process::ExitCode,
 };
 
-use docktwin_model::input::shown;
+use docktwin_model::{
+    input::shown,
+    keys::{self, FileKind},
+};
 use docktwin_scenario::{Loader, explained, load_scenario};
 
 use crate::{
@@ -31,79 +34,118 @@ pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Doctor(args) => crate::doctor::run(args, json),
         Command::Rig(command) => crate::rig::run(command, json),
         Command::Validate(command) => crate::validate::run(command, json),
-        Command::Model(ModelCommand::Check { file }) => {
-            let report = docktwin_model::model_check(file);
-            let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };
-            if json {
-                let files: Vec<String> =
-                    report.files.iter().map(|f| f.display().to_string()).collect();
-                let values: Vec<_> = report
-                    .values
-                    .iter()
-                    .map(|v| {
-                        serde_json::json!({
-                            "file": v.file.to_string_lossy(), "line": v.line, "key": v.key,
-                            "value": v.value, "unit": v.unit, "note": v.note,
-                        })
-                    })
-                    .collect();
-                let problems: Vec<_> = report.problems.iter().map(problem_json).collect();
-                println!(
-                    "{}",
-                    serde_json::json!({
-                        "files": files,
-                        "read": report.read,
-                        "ignored": report.ignored,
-                        "refused": report.refused,
-                        "values": values,
-                        "problems": problems,
-                        "exit_code": code,
-                    })
-                );
-            } else {
-                report.lines().iter().for_each(|l| println!("{l}"));
-            }
-            Ok(ExitCode::from(code))
+        Command::Model(ModelCommand::Check { file }) => Ok(model_check(file, json)),
+        Command::Model(ModelCommand::Explain { key, kind }) => {
+            explain_model(key.as_deref(), *kind, json)
         }
-        Command::Scenario(ScenarioCommand::Check { file, set }) => {
-            let scenario = load_scenario(file, &overrides(set)?)?;
-            if json {
-                let notes: Vec<String> = scenario.notes.iter().map(|n| n.to_string()).collect();
-                println!("{}", serde_json::json!({ "scenario": scenario.name, "notes": notes }));
-            } else {
-                scenario.notes.iter().for_each(|n| println!("ignored {n}"));
-                println!(
-                    "{}: nothing to mend; expects `{}`, {}",
-                    scenario.name, scenario.expect.outcome, scenario.expect.because
-                );
-            }
-            Ok(ExitCode::SUCCESS)
-        }
+        Command::Scenario(ScenarioCommand::Check { file, set }) => check_scenario(file, set, json),
         Command::Scenario(ScenarioCommand::Explain { key }) => {
-            let keys = explained(key.as_deref()).map_err(|unknown| Failure::Usage {
-                what: unknown.to_string(),
-                remedy: "`docktwin scenario explain` lists every key".to_owned(),
-            })?;
-            if json {
-                let keys: Vec<_> = keys
-                    .iter()
-                    .map(|k| {
-                        serde_json::json!({
-                            "key": k.key, "meaning": k.meaning, "unit": k.unit,
-                            "allowed": k.allowed, "example": k.example,
-                        })
-                    })
-                    .collect();
-                println!("{}", serde_json::json!({ "keys": keys }));
-            } else {
-                for k in keys {
-                    println!("{}\n    {}\n    {}", k.key, k.allowed, k.meaning);
-                    println!("    example: {}", k.example);
-                }
-            }
-            Ok(ExitCode::SUCCESS)
+            explain_scenario(key.as_deref(), json)
         }
     }
+}
+
+fn model_check(file: &Path, json: bool) -> ExitCode {
+    let report = docktwin_model::model_check(file);
+    let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };
+    if !json {
+        report.lines().iter().for_each(|l| println!("{l}"));
+        return ExitCode::from(code);
+    }
+    let files: Vec<String> = report.files.iter().map(|f| f.display().to_string()).collect();
+    let values: Vec<_> = report
+        .values
+        .iter()
+        .map(|v| {
+            serde_json::json!({
+                "file": v.file.to_string_lossy(), "line": v.line, "key": v.key,
+                "value": v.value, "unit": v.unit, "note": v.note,
+            })
+        })
+        .collect();
+    let problems: Vec<_> = report.problems.iter().map(problem_json).collect();
+    println!(
+        "{}",
+        serde_json::json!({
+            "files": files,
+            "read": report.read,
+            "ignored": report.ignored,
+            "refused": report.refused,
+            "values": values,
+            "problems": problems,
+            "exit_code": code,
+        })
+    );
+    ExitCode::from(code)
+}
+
+fn explain_model(
+    key: Option<&str>,
+    kind: Option<FileKind>,
+    json: bool,
+) -> Result<ExitCode, Failure> {
+    let keys = keys::explained(kind, key).map_err(|unknown| Failure::Usage {
+        what: unknown.to_string(),
+        remedy: "`docktwin model explain` lists every key".to_owned(),
+    })?;
+    if json {
+        let keys: Vec<_> = keys
+            .iter()
+            .map(|k| {
+                serde_json::json!({
+                    "files": k.files, "key": k.key, "meaning": k.meaning, "why": k.why,
+                    "unit": k.unit, "allowed": k.allowed, "example": k.example,
+                })
+            })
+            .collect();
+        println!("{}", serde_json::json!({ "keys": keys }));
+    } else {
+        for k in keys {
+            println!("{} ({})\n    {}", k.key, k.files.join(", "), k.allowed);
+            println!("    {} {}\n    example: {}", k.meaning, k.why, k.example);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn check_scenario(file: &Path, set: &[String], json: bool) -> Result<ExitCode, Failure> {
+    let scenario = load_scenario(file, &overrides(set)?)?;
+    if json {
+        let notes: Vec<String> = scenario.notes.iter().map(|n| n.to_string()).collect();
+        println!("{}", serde_json::json!({ "scenario": scenario.name, "notes": notes }));
+    } else {
+        scenario.notes.iter().for_each(|n| println!("ignored {n}"));
+        println!(
+            "{}: nothing to mend; expects `{}`, {}",
+            scenario.name, scenario.expect.outcome, scenario.expect.because
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn explain_scenario(key: Option<&str>, json: bool) -> Result<ExitCode, Failure> {
+    let keys = explained(key).map_err(|unknown| Failure::Usage {
+        what: unknown.to_string(),
+        remedy: "`docktwin scenario explain` lists every key".to_owned(),
+    })?;
+    if json {
+        let keys: Vec<_> = keys
+            .iter()
+            .map(|k| {
+                serde_json::json!({
+                    "key": k.key, "meaning": k.meaning, "unit": k.unit,
+                    "allowed": k.allowed, "example": k.example,
+                })
+            })
+            .collect();
+        println!("{}", serde_json::json!({ "keys": keys }));
+    } else {
+        for k in keys {
+            println!("{}\n    {}\n    {}", k.key, k.allowed, k.meaning);
+            println!("    example: {}", k.example);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// `--set key.path=value` as pairs.

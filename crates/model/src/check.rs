@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 use crate::input;
+use crate::keys::FileKind;
 use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
 use crate::load_rig::read_rig;
 use crate::load_spacecraft::read_spacecraft;
@@ -10,27 +11,13 @@ use crate::problem::{Findings, Note, Problem, ReadValue};
 use crate::rig_check;
 use crate::toml_check::Checker;
 
-/// What a model file describes, as its TOML says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
-    Spacecraft,
-    MechanismActive,
-    MechanismPassive,
-    Rig,
-}
-
 /// The `kind` of a TOML file, if it can be read.
-pub(crate) fn kind_of(toml: &Path) -> Option<Kind> {
+pub(crate) fn kind_of(toml: &Path) -> Option<FileKind> {
     let bytes = input::read_bytes(toml, input::MAX_TEXT_BYTES).ok()?;
     let text = input::text_of(bytes).ok()?;
     let (root, _) = DeTable::parse_recoverable(&text);
-    match root.get_ref().get("kind")?.get_ref().as_str()? {
-        "spacecraft" => Some(Kind::Spacecraft),
-        "mechanism_active" => Some(Kind::MechanismActive),
-        "mechanism_passive" => Some(Kind::MechanismPassive),
-        "rig" => Some(Kind::Rig),
-        _ => None,
-    }
+    let word = root.get_ref().get("kind")?.get_ref().as_str()?;
+    FileKind::WORDS.iter().find(|(w, _)| *w == word).map(|(_, kind)| *kind)
 }
 
 /// Says why no kind is known: a file that cannot be read, is no TOML, or names none.
@@ -50,12 +37,10 @@ fn unknown_kind(path: &Path, out: &mut Findings) {
         return;
     };
     let checker = Checker::new(&toml, &text);
-    let words =
-        [("spacecraft", ()), ("mechanism_active", ()), ("mechanism_passive", ()), ("rig", ())];
     let is_scenario = checker.read_some(|t| {
         let scenario = ["initial", "run", "expect"].iter().any(|k| t.has(k));
         if !scenario {
-            t.choice("kind", &words);
+            t.choice("kind", &FileKind::WORDS);
         }
         scenario
     });
@@ -127,10 +112,10 @@ pub fn model_check(path: &Path) -> Report {
     let named = path.extension().is_some_and(|e| e == "urdf" || e == "toml");
     let kind = named.then(|| kind_of(&path.with_extension("toml"))).flatten();
     match kind {
-        Some(Kind::Spacecraft) => {
+        Some(FileKind::Spacecraft) => {
             read_spacecraft(&urdf, true, &mut out);
         }
-        Some(Kind::Rig) => {
+        Some(FileKind::Rig) => {
             let rig = read_rig(&urdf, &mut out);
             // What follows from wrong numbers means nothing.
             let rig = rig.filter(|_| out.problems.is_empty());
@@ -138,7 +123,7 @@ pub fn model_check(path: &Path) -> Report {
         }
         Some(kind) => {
             let (ours, theirs) = match kind {
-                Kind::MechanismActive => ("_active", "_passive"),
+                FileKind::MechanismActive => ("_active", "_passive"),
                 _ => ("_passive", "_active"),
             };
             let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -147,7 +132,7 @@ pub fn model_check(path: &Path) -> Report {
                 .map(|s| urdf.with_file_name(format!("{s}{theirs}.urdf")))
                 .filter(|p| p.is_file());
             let (active, passive) = match kind {
-                Kind::MechanismActive => (Some(urdf), other),
+                FileKind::MechanismActive => (Some(urdf), other),
                 _ => (other, Some(urdf)),
             };
             let active = active.and_then(|p| read_active(&p, true, &mut out));

@@ -6,9 +6,31 @@
 //! What URDF can say of a spacecraft (masses, placements) the URDF alone says, and the TOML beside
 //! it holds the notes. The shapes of a mechanism are parameters of the TOML, from which collision
 //! shapes and meshes are generated; where its URDF repeats one of them the two must agree.
+//!
+//! ```
+//! use docktwin_model::{load_mechanism, load_spacecraft, model_check};
+//! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf");
+//! let chaser = load_spacecraft(&root.join("chaser_8t.urdf"))?.model;
+//! let mechanism = load_mechanism(
+//!     &root.join("apas_active.urdf"),
+//!     &root.join("apas_passive.urdf"),
+//!     None,
+//! )?
+//! .model;
+//! // The ring is a body of its own: 8000 kg come together.
+//! assert!((chaser.mass_kg + mechanism.ring_body.mass_kg - 8000.0).abs() < 1e-9);
+//!
+//! // Everything that is read, ignored, flagged or refused, line by line.
+//! let report = model_check(&root.join("stewart.toml"));
+//! assert!(report.refused.is_empty() && !report.flagged.is_empty());
+//! # Ok::<(), docktwin_model::ModelErrors>(())
+//! ```
+//!
+//! What a key means, and what may stand behind it: [`keys`].
 
 mod check;
 pub mod input;
+pub mod keys;
 mod load_mechanism;
 mod load_rig;
 mod load_spacecraft;
@@ -24,15 +46,15 @@ pub mod toml_check;
 mod urdf;
 
 pub use check::{Report, model_check};
-pub use load_mechanism::{
-    AttenuationChoice, MatedFit, contact_ranges, load_mechanism, load_mechanism_from, mated_fit,
-};
+pub use keys::contact_ranges;
+pub use load_mechanism::{MatedFit, load_mechanism, load_mechanism_from, mated_fit};
 pub use load_rig::{load_rig, load_rig_from};
 pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};
 pub use mechanism::{
-    Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
-    DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
-    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Stick,
+    AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw,
+    OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
+    Stick,
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{

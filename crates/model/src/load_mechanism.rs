@@ -2,39 +2,18 @@ use core::f64::consts::PI;
 use std::path::Path;
 
 use docktwin_core::{DMat3, DQuat, DVec3, Pose};
-use serde::{Deserialize, Serialize};
 
 use crate::Sources;
-use crate::load_spacecraft::check_header;
+use crate::keys::read::{self, Section};
+use crate::keys::{FileKind, NORMAL_LAWS};
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
-use crate::toml_check::{Checker, Range, Table};
 use crate::urdf::{self, UrdfTree};
 use crate::{
-    Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases,
-    DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw, OutcomeRules,
-    PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Stick,
+    AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw,
+    OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
+    Stick,
 };
-
-/// Which attenuator carries the active ring.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AttenuationChoice {
-    /// Six tables, one per axis.
-    Characteristic,
-    /// Six coupled screw legs.
-    Differential,
-    /// None: the ring is part of the chaser.
-    Rigid,
-}
-
-impl AttenuationChoice {
-    /// Words by which files name the choices.
-    pub const WORDS: [(&'static str, Self); 3] = [
-        ("characteristic", Self::Characteristic),
-        ("differential", Self::Differential),
-        ("rigid", Self::Rigid),
-    ];
-}
 
 /// Reads both sides of a docking mechanism, each a URDF with a TOML of the same name beside it.
 /// Without `attenuation` the default of the active side's file is taken.
@@ -104,11 +83,9 @@ pub(crate) fn read_active(
 ) -> Option<ActiveSide> {
     let (toml, tree, text) = open(urdf_path, "active side", meshes, out);
     let text = text?;
-    let checker = Checker::new(&toml, &text);
-    let side = checker.read(|t| {
-        check_header(t, "mechanism_active");
-        let ring_rest_offset_m =
-            t.section("placement", |p| p.noted("ring_rest_offset_m", Range::positive(2.0)));
+    let checker = FileKind::MechanismActive.checker(&toml, &text);
+    let side = read::read(&checker, FileKind::MechanismActive, |t| {
+        let ring_rest_offset_m = t.section("placement", |p| p.number("ring_rest_offset_m"));
         let geometry = read_geometry(t);
         let ring_body = t.section("ring_body", read_ring_body);
         let contact = t.section("contact", read_contact);
@@ -118,10 +95,10 @@ pub(crate) fn read_active(
         let stick = t.optional_section("stick", read_stick);
         let limits = t.section("limits", read_limits);
         let outcome = t.section("outcome", |o| OutcomeRules {
-            guided_radius_m: o.noted("guided_radius_m", Range::positive(5.0)),
-            settled_speed_m_s: o.noted("settled_speed_m_s", Range::positive(1.0)),
-            settled_rate_rad_s: o.noted("settled_rate_deg_s", Range::positive(60.0)).to_radians(),
-            jam_time_s: o.noted("jam_time_s", Range::positive(1e4)),
+            guided_radius_m: o.number("guided_radius_m"),
+            settled_speed_m_s: o.number("settled_speed_m_s"),
+            settled_rate_rad_s: o.number("settled_rate_deg_s").to_radians(),
+            jam_time_s: o.number("jam_time_s"),
         });
         ActiveSide {
             name: String::new(),
@@ -164,11 +141,9 @@ pub(crate) fn read_passive(
 ) -> Option<PassiveSide> {
     let (toml, tree, text) = open(urdf_path, "passive side", meshes, out);
     let text = text?;
-    let checker = Checker::new(&toml, &text);
-    let side = checker.read(|t| {
-        check_header(t, "mechanism_passive");
-        let ring_offset_m =
-            t.section("placement", |p| p.noted("passive_ring_offset_m", Range::within(0.0, 2.0)));
+    let checker = FileKind::MechanismPassive.checker(&toml, &text);
+    let side = read::read(&checker, FileKind::MechanismPassive, |t| {
+        let ring_offset_m = t.section("placement", |p| p.number("passive_ring_offset_m"));
         let geometry = read_geometry(t);
         PassiveSide {
             name: String::new(),
@@ -218,12 +193,12 @@ fn open(
 
 // Sections of the TOML -------------------------------------------------------------------------
 
-fn read_geometry(t: &Table<'_, '_>) -> SideGeometry {
+fn read_geometry(t: Section<'_, '_, '_>) -> SideGeometry {
     let ring = t.section("ring", |r| {
         let ring = RingGeometry {
-            mean_radius_m: r.noted("mean_radius_m", Range::positive(5.0)),
-            section_radius_m: r.noted("section_radius_m", Range::positive(0.5)),
-            segments: r.noted_count("segments", 8, 720),
+            mean_radius_m: r.number("mean_radius_m"),
+            section_radius_m: r.number("section_radius_m"),
+            segments: r.count("segments"),
         };
         if ring.section_radius_m >= ring.mean_radius_m {
             r.refuse(
@@ -236,18 +211,16 @@ fn read_geometry(t: &Table<'_, '_>) -> SideGeometry {
     });
     let petals = t.optional_section("petals", |p| {
         let petals = PetalGeometry {
-            count: p.noted_count("count", 1, 12),
-            first_azimuth_rad: p
-                .noted("first_azimuth_deg", Range::within(-360.0, 360.0))
-                .to_radians(),
-            base_radius_m: p.noted("base_radius_m", Range::positive(5.0)),
-            tip_radius_m: p.noted("tip_radius_m", Range::positive(5.0)),
-            height_m: p.noted("height_m", Range::positive(2.0)),
-            base_half_angle_rad: p.noted("base_half_angle_deg", Range::positive(90.0)).to_radians(),
-            tip_half_angle_rad: p.noted("tip_half_angle_deg", Range::positive(90.0)).to_radians(),
-            thickness_m: p.noted("thickness_m", Range::positive(0.2)),
-            strips: p.noted_count("strips", 1, 64),
-            flexural_rigidity_n_m2: p.noted("flexural_rigidity_n_m2", Range::positive(1e12)),
+            count: p.count("count"),
+            first_azimuth_rad: p.number("first_azimuth_deg").to_radians(),
+            base_radius_m: p.number("base_radius_m"),
+            tip_radius_m: p.number("tip_radius_m"),
+            height_m: p.number("height_m"),
+            base_half_angle_rad: p.number("base_half_angle_deg").to_radians(),
+            tip_half_angle_rad: p.number("tip_half_angle_deg").to_radians(),
+            thickness_m: p.number("thickness_m"),
+            strips: p.count("strips"),
+            flexural_rigidity_n_m2: p.number("flexural_rigidity_n_m2"),
         };
         let widest = petals.base_half_angle_rad.max(petals.tip_half_angle_rad);
         let room = PI / f64::from(petals.count);
@@ -283,12 +256,12 @@ fn read_geometry(t: &Table<'_, '_>) -> SideGeometry {
     SideGeometry { ring, petals }
 }
 
-fn read_stick(t: &Table<'_, '_>) -> Stick {
+fn read_stick(t: Section<'_, '_, '_>) -> Stick {
     let stick = Stick {
-        stiffness_n_m: t.noted("stiffness_n_m", Range::positive(1e9)),
-        diameter_m: t.noted("diameter_m", Range::positive(0.5)),
-        frame_opening_m: t.noted("frame_opening_m", Range::positive(1.0)),
-        lever_m: t.noted("lever_m", Range::positive(10.0)),
+        stiffness_n_m: t.number("stiffness_n_m"),
+        diameter_m: t.number("diameter_m"),
+        frame_opening_m: t.number("frame_opening_m"),
+        lever_m: t.number("lever_m"),
     };
     if stick.play_m() <= 0.0 {
         t.refuse(
@@ -300,10 +273,10 @@ fn read_stick(t: &Table<'_, '_>) -> Stick {
     stick
 }
 
-fn read_ring_body(t: &Table<'_, '_>) -> RingBody {
-    let mass_kg = t.noted("mass_kg", Range::within(1e-4, 1e5));
-    let com_m = DVec3::from_array(t.noted_list("com_m", Range::within(-5.0, 5.0)));
-    let rows = t.noted_rows::<3>("inertia_kg_m2", Range::within(-1e7, 1e7), Some(3));
+fn read_ring_body(t: Section<'_, '_, '_>) -> RingBody {
+    let mass_kg = t.number("mass_kg");
+    let com_m = DVec3::from_array(t.list("com_m"));
+    let rows = t.rows::<3>("inertia_kg_m2");
     let Ok(rows) = <[[f64; 3]; 3]>::try_from(rows) else {
         return RingBody { mass_kg, com_m, inertia_kg_m2: DMat3::NAN };
     };
@@ -328,62 +301,26 @@ fn read_ring_body(t: &Table<'_, '_>) -> RingBody {
     RingBody { mass_kg, inertia_kg_m2: m, com_m }
 }
 
-/// Which normal law a file asks for.
-#[derive(Clone, Copy)]
-enum NormalKind {
-    HuntCrossley,
-    KelvinVoigt,
-}
-
-/// Ranges of the contact law, shared with scenarios that override parts of it.
-pub mod contact_ranges {
-    use crate::toml_check::Range;
-
-    /// Stiffness, N/mⁿ.
-    pub const STIFFNESS: Range = Range::positive(1e12);
-    /// Exponent of Hunt–Crossley.
-    pub const EXPONENT: Range = Range::within(1.0, 3.0);
-    /// Damping of Hunt–Crossley, s/m.
-    pub const DAMPING_S_M: Range = Range::within(0.0, 100.0);
-    /// Damping of Kelvin–Voigt, N·s/m.
-    pub const DAMPING_N_S_M: Range = Range::within(0.0, 1e7);
-    /// Friction coefficients.
-    pub const FRICTION: Range = Range::within(0.0, 2.0);
-    /// Stribeck velocity, m/s.
-    pub const STRIBECK_VELOCITY: Range = Range::within(1e-6, 1.0);
-    /// Break-away displacement of the bristle, m.
-    pub const BRISTLE_BREAKAWAY: Range = Range::within(1e-8, 0.01);
-    /// Damping time of the bristle, s.
-    pub const BRISTLE_DAMPING: Range = Range::within(0.0, 1.0);
-    /// Merging depth, m.
-    pub const MERGE_DEPTH: Range = Range::within(1e-7, 0.01);
-}
-
-fn read_contact(t: &Table<'_, '_>) -> ContactLaw {
-    use contact_ranges as r;
-    let words =
-        [("hunt_crossley", NormalKind::HuntCrossley), ("kelvin_voigt", NormalKind::KelvinVoigt)];
-    let kind = t.choice("normal_law", &words).unwrap_or(NormalKind::HuntCrossley);
-    let stiffness = t.noted("stiffness_n_m", r::STIFFNESS);
-    let normal = match kind {
-        NormalKind::HuntCrossley => NormalLaw::HuntCrossley {
+fn read_contact(t: Section<'_, '_, '_>) -> ContactLaw {
+    let hunt_crossley = t.choice("normal_law", &NORMAL_LAWS).unwrap_or(true);
+    let stiffness = t.number("stiffness_n_m");
+    let normal = if hunt_crossley {
+        NormalLaw::HuntCrossley {
             stiffness,
-            exponent: t.noted("exponent", r::EXPONENT),
-            damping_s_m: t.noted("damping_s_m", r::DAMPING_S_M),
-        },
-        NormalKind::KelvinVoigt => NormalLaw::KelvinVoigt {
-            stiffness,
-            damping_n_s_m: t.noted("damping_n_s_m", r::DAMPING_N_S_M),
-        },
+            exponent: t.number("exponent"),
+            damping_s_m: t.number("damping_s_m"),
+        }
+    } else {
+        NormalLaw::KelvinVoigt { stiffness, damping_n_s_m: t.number("damping_n_s_m") }
     };
     let law = ContactLaw {
         normal,
-        friction_kinetic: t.noted("friction_kinetic", r::FRICTION),
-        friction_static: t.noted("friction_static", r::FRICTION),
-        stribeck_velocity_m_s: t.noted("stribeck_velocity_m_s", r::STRIBECK_VELOCITY),
-        bristle_breakaway_m: t.noted("bristle_breakaway_m", r::BRISTLE_BREAKAWAY),
-        bristle_damping_s: t.noted("bristle_damping_s", r::BRISTLE_DAMPING),
-        merge_depth_m: t.noted("merge_depth_m", r::MERGE_DEPTH),
+        friction_kinetic: t.number("friction_kinetic"),
+        friction_static: t.number("friction_static"),
+        stribeck_velocity_m_s: t.number("stribeck_velocity_m_s"),
+        bristle_breakaway_m: t.number("bristle_breakaway_m"),
+        bristle_damping_s: t.number("bristle_damping_s"),
+        merge_depth_m: t.number("merge_depth_m"),
     };
     if law.friction_static < law.friction_kinetic {
         t.refuse(
@@ -398,15 +335,12 @@ fn read_contact(t: &Table<'_, '_>) -> ContactLaw {
 type Attenuations =
     (AttenuationChoice, Option<CharacteristicAttenuator>, Option<DifferentialAttenuator>);
 
-fn read_attenuation(t: &Table<'_, '_>, ring_rest_offset_m: f64) -> Attenuations {
+fn read_attenuation(t: Section<'_, '_, '_>, ring_rest_offset_m: f64) -> Attenuations {
     let default_choice =
         t.choice("default", &AttenuationChoice::WORDS).unwrap_or(AttenuationChoice::Rigid);
     let damped = t.has("characteristic") || t.has("differential");
-    let damping_ramp_s = if damped || t.has("damping_ramp_s") {
-        t.noted("damping_ramp_s", Range::within(0.0, 100.0))
-    } else {
-        0.0
-    };
+    let damping_ramp_s =
+        if damped || t.has("damping_ramp_s") { t.number("damping_ramp_s") } else { 0.0 };
     let characteristic = t.optional_section("characteristic", |c| CharacteristicAttenuator {
         axial: c.section("axial", |t| read_channel(t, &TRANSLATION)),
         lateral: c.section("lateral", |t| read_channel(t, &TRANSLATION)),
@@ -450,8 +384,6 @@ struct ChannelKeys {
     stop_damping: &'static str,
     /// From the unit of lengths in the file to that in the code.
     to_si: f64,
-    travel: Range,
-    branch: Range,
 }
 
 const TRANSLATION: ChannelKeys = ChannelKeys {
@@ -468,8 +400,6 @@ const TRANSLATION: ChannelKeys = ChannelKeys {
     stop_stiffness: "stop_stiffness_n_m",
     stop_damping: "stop_damping_n_s_m",
     to_si: 1.0,
-    travel: Range::within(0.0, 5.0),
-    branch: Range::positive(1.0),
 };
 
 const ROTATION: ChannelKeys = ChannelKeys {
@@ -486,30 +416,26 @@ const ROTATION: ChannelKeys = ChannelKeys {
     stop_stiffness: "stop_stiffness_nm_rad",
     stop_damping: "stop_damping_nm_s_rad",
     to_si: PI / 180.0,
-    travel: Range::within(0.0, 90.0),
-    branch: Range::positive(90.0),
 };
 
-fn read_channel(t: &Table<'_, '_>, k: &ChannelKeys) -> AxisChannel {
-    let damping = Range::within(0.0, 1e8);
-    let force = Range::within(0.0, 1e8);
+fn read_channel(t: Section<'_, '_, '_>, k: &ChannelKeys) -> AxisChannel {
     let channel = AxisChannel {
         loading: read_curve(t, k.loading),
         unloading: read_curve(t, k.unloading),
-        branch_change: k.to_si * t.noted(k.branch_change, k.branch),
+        branch_change: k.to_si * t.number(k.branch_change),
         damping: DampingPhases {
-            before_capture: t.noted(k.before, damping),
-            after_capture: t.noted(k.after, damping),
+            before_capture: t.number(k.before),
+            after_capture: t.number(k.after),
         },
         series_brake: t.optional_section("series_brake", |b| SeriesBrake {
-            force: b.noted(k.brake_force, Range::positive(1e8)),
-            viscous: b.noted(k.brake_viscous, damping),
+            force: b.number(k.brake_force),
+            viscous: b.number(k.brake_viscous),
         }),
-        dry_friction: t.noted(k.dry, force),
-        travel_negative: k.to_si * t.noted(k.negative, k.travel),
-        travel_positive: k.to_si * t.noted(k.positive, k.travel),
-        stop_stiffness: t.noted(k.stop_stiffness, Range::positive(1e12)),
-        stop_damping: t.noted(k.stop_damping, damping),
+        dry_friction: t.number(k.dry),
+        travel_negative: k.to_si * t.number(k.negative),
+        travel_positive: k.to_si * t.number(k.positive),
+        stop_stiffness: t.number(k.stop_stiffness),
+        stop_damping: t.number(k.stop_damping),
     };
     if let Some(b) = &channel.series_brake {
         let damping = channel.damping.before_capture.min(channel.damping.after_capture);
@@ -532,8 +458,8 @@ fn read_channel(t: &Table<'_, '_>, k: &ChannelKeys) -> AxisChannel {
     channel
 }
 
-fn read_curve(t: &Table<'_, '_>, key: &'static str) -> PiecewiseCurve {
-    let points = t.noted_rows::<2>(key, Range::within(0.0, 1e9), None);
+fn read_curve(t: Section<'_, '_, '_>, key: &'static str) -> PiecewiseCurve {
+    let points = t.rows::<2>(key);
     let rises = points.windows(2).all(|w| w[1][0] > w[0][0] && w[1][1] >= w[0][1]);
     if points.iter().flatten().all(|x| x.is_finite()) && !points.is_empty() {
         if points[0][0] > 0.0 {
@@ -572,18 +498,18 @@ fn value_at(points: &[[f64; 2]], x: f64) -> f64 {
 }
 
 fn read_differential(
-    t: &Table<'_, '_>,
+    t: Section<'_, '_, '_>,
     ring_rest_offset_m: f64,
     damping_ramp_s: f64,
 ) -> Option<DifferentialAttenuator> {
     let joints = |key| {
-        let rows = t.noted_rows::<3>(key, Range::within(-5.0, 5.0), Some(6));
+        let rows = t.rows::<3>(key);
         let points: Vec<_> = rows.into_iter().map(DVec3::from_array).collect();
         <[DVec3; 6]>::try_from(points).ok()
     };
     let base_joints_m = joints("base_joints_m");
     let ring_joints_m = joints("ring_joints_m");
-    let rows = t.noted_rows::<6>("coupling", Range::within(-100.0, 100.0), Some(6));
+    let rows = t.rows::<6>("coupling");
     let coupling = <[[f64; 6]; 6]>::try_from(rows).ok();
     let channels = t.sections("channels", |c| read_channel(c, &TRANSLATION));
     let found = channels.len();
@@ -649,20 +575,17 @@ fn is_singular(mut a: [[f64; 6]; 6]) -> bool {
     false
 }
 
-fn read_latches(t: &Table<'_, '_>) -> LatchSet {
-    let length = Range::positive(1.0);
+fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {
     let set = LatchSet {
-        azimuths_rad: t
-            .noted_list::<3>("azimuths_deg", Range::within(-360.0, 360.0))
-            .map(f64::to_radians),
-        approach_gap_m: t.noted("approach_gap_m", length),
-        strike_gap_m: t.noted("strike_gap_m", length),
-        catch_gap_m: t.noted("catch_gap_m", length),
-        radial_zone_m: t.noted("radial_zone_m", length),
-        tangential_zone_m: t.noted("tangential_zone_m", length),
-        hold_stiffness_n_m: t.noted("hold_stiffness_n_m", Range::positive(1e12)),
-        joined_stiffness_n_m: t.noted("joined_stiffness_n_m", Range::positive(1e12)),
-        joined_damping_n_s_m: t.noted("joined_damping_n_s_m", Range::within(0.0, 1e8)),
+        azimuths_rad: t.list::<3>("azimuths_deg").map(f64::to_radians),
+        approach_gap_m: t.number("approach_gap_m"),
+        strike_gap_m: t.number("strike_gap_m"),
+        catch_gap_m: t.number("catch_gap_m"),
+        radial_zone_m: t.number("radial_zone_m"),
+        tangential_zone_m: t.number("tangential_zone_m"),
+        hold_stiffness_n_m: t.number("hold_stiffness_n_m"),
+        joined_stiffness_n_m: t.number("joined_stiffness_n_m"),
+        joined_damping_n_s_m: t.number("joined_damping_n_s_m"),
     };
     if set.strike_gap_m < set.catch_gap_m {
         let what = format!("is below the catch gap, {} m", set.catch_gap_m);
@@ -682,16 +605,15 @@ fn read_latches(t: &Table<'_, '_>) -> LatchSet {
     set
 }
 
-fn read_limits(t: &Table<'_, '_>) -> MechanismLimits {
-    let load = Range::positive(1e9);
+fn read_limits(t: Section<'_, '_, '_>) -> MechanismLimits {
     MechanismLimits {
-        tension_n: t.noted("tension_n", load),
-        compression_n: t.noted("compression_n", load),
-        shear_n: t.noted("shear_n", load),
-        torsion_nm: t.noted("torsion_nm", load),
-        bending_nm: t.noted("bending_nm", load),
-        depth_m: t.noted("depth_m", Range::positive(0.04)),
-        overtravel_m: t.noted("overtravel_m", Range::positive(5.0)),
+        tension_n: t.number("tension_n"),
+        compression_n: t.number("compression_n"),
+        shear_n: t.number("shear_n"),
+        torsion_nm: t.number("torsion_nm"),
+        bending_nm: t.number("bending_nm"),
+        depth_m: t.number("depth_m"),
+        overtravel_m: t.number("overtravel_m"),
     }
 }
 

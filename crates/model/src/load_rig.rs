@@ -5,10 +5,10 @@ use docktwin_core::{DMat3, DQuat, DVec3, Pose};
 use urdf_rs::{Joint, JointType};
 
 use crate::Sources;
-use crate::load_spacecraft::check_header;
+use crate::keys::FileKind;
+use crate::keys::read::{self, Section};
 use crate::problem::{Findings, Loaded, ModelErrors, Note, Problem};
 use crate::rig_check;
-use crate::toml_check::{Checker, Range, Table};
 use crate::urdf::{self, UrdfTree};
 use crate::{
     DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegLimits, LegPart, OilVolume,
@@ -77,8 +77,8 @@ pub(crate) fn read_rig(urdf_path: &Path, out: &mut Findings) -> Option<Rig> {
     let toml_text = out.read(&toml_path, "TOML beside the URDF");
     let tree = urdf_text.and_then(|text| urdf::read(urdf_path, &text, true, out));
     let toml_text = toml_text?;
-    let checker = Checker::new(&toml_path, &toml_text);
-    let said = checker.read(|t| read_toml(t, tree.as_ref()));
+    let checker = FileKind::Rig.checker(&toml_path, &toml_text);
+    let said = read::read(&checker, FileKind::Rig, |t| read_toml(t, tree.as_ref()));
     let (problems, values) = checker.finish();
     out.problems.extend(problems);
     out.values.extend(values);
@@ -105,12 +105,11 @@ pub(crate) fn read_rig(urdf_path: &Path, out: &mut Findings) -> Option<Rig> {
 
 // The TOML -------------------------------------------------------------------------------------
 
-fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
-    check_header(t, "rig");
+fn read_toml(t: Section<'_, '_, '_>, tree: Option<&UrdfTree>) -> Said {
     let names: BTreeSet<String> =
         tree.map(|tree| tree.links.keys().cloned().collect()).unwrap_or_default();
-    let link = |t: &Table<'_, '_>, key: &'static str| {
-        let name = t.text(key, "name of a link of the URDF");
+    let link = |t: Section<'_, '_, '_>, key: &'static str| {
+        let name = t.text(key);
         if tree.is_some() && !name.is_empty() && !names.contains(&name) {
             let known: Vec<_> = names.iter().map(String::as_str).collect();
             let remedy = format!("name one of {}, or add it to the URDF", known.join(", "));
@@ -121,32 +120,12 @@ fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
     let [ground, rack, active, plate, passive] = t.section("links", |l| {
         ["ground", "rack", "active_mount", "plate", "passive_mount"].map(|key| link(l, key))
     });
-    t.section("numbers", |n| {
-        for key in [
-            "base_joints",
-            "middle_pose",
-            "mounts",
-            "plate_inertial",
-            "passive_payload_inertial",
-            "active_payload_inertial",
-            "cross_inertial",
-            "cylinder_inertial",
-            "rod_inertial",
-            "stroke_m",
-            "swing_limit_rad",
-            "leg_speed_m_s",
-            "leg_force_n",
-        ] {
-            n.note_only(key);
-        }
-    });
-    let point = Range::within(-50.0, 50.0);
-    let gravity_m_s2 =
-        t.section("gravity", |g| g.noted_list("gravity_m_s2", Range::within(-30.0, 30.0)));
+    t.section("numbers", |n| n.notes());
+    let gravity_m_s2 = t.section("gravity", |g| g.list("gravity_m_s2"));
     let closures = t.sections("closures", |c| Closure {
         rod: link(c, "rod"),
-        rod_point_m: DVec3::from_array(c.noted_list("rod_point_m", point)),
-        plate_point_m: DVec3::from_array(c.noted_list("plate_point_m", point)),
+        rod_point_m: DVec3::from_array(c.list("rod_point_m")),
+        plate_point_m: DVec3::from_array(c.list("plate_point_m")),
     });
     if closures.len() != 6 {
         t.refuse(
@@ -156,75 +135,20 @@ fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
         );
     }
     let docking = t.section("docking_workspace", |d| DockingWorkspace {
-        middle_m: DVec3::from_array(d.noted_list("middle_p_34_m", Range::within(-10.0, 10.0))),
-        axial_m: d.noted("axial_m", Range::positive(5.0)),
-        lateral_m: d.noted("lateral_m", Range::positive(5.0)),
-        roll_rad: d.noted("roll_deg", Range::positive(90.0)).to_radians(),
-        pitch_yaw_rad: d.noted("pitch_yaw_deg", Range::positive(60.0)).to_radians(),
+        middle_m: DVec3::from_array(d.list("middle_p_34_m")),
+        axial_m: d.number("axial_m"),
+        lateral_m: d.number("lateral_m"),
+        roll_rad: d.number("roll_deg").to_radians(),
+        pitch_yaw_rad: d.number("pitch_yaw_deg").to_radians(),
     });
     let [dead_length_m, radius_m, length_error_m, ball_limit_rad] = t.section("legs", |l| {
         [
-            l.noted("dead_length_m", Range::within(0.0, 10.0)),
-            l.noted("radius_m", Range::positive(1.0)),
-            l.noted("length_error_m", Range::positive(0.1)),
-            l.noted("ball_limit_deg", Range::positive(90.0)).to_radians(),
+            l.number("dead_length_m"),
+            l.number("radius_m"),
+            l.number("length_error_m"),
+            l.number("ball_limit_deg").to_radians(),
         ]
     });
-    let hydraulics = t.section("hydraulics", |h| {
-        let volume = |p: &Table<'_, '_>| OilVolume {
-            total_volume_m3: p.noted("total_volume_m3", Range::positive(10.0)),
-            leakage_m3_s_pa: p.noted("leakage_m3_s_pa", Range::within(0.0, 1e-6)),
-        };
-        Hydraulics {
-            area_m2: h.noted("area_m2", Range::positive(1.0)),
-            bulk_modulus_pa: h.noted("bulk_modulus_pa", Range::within(1e7, 3e9)),
-            viscous_n_s_m: h.noted("viscous_n_s_m", Range::within(0.0, 1e6)),
-            dead_volume_m3: h.noted("dead_volume_m3", Range::within(0.0, 10.0)),
-            printed: h.section("printed", volume),
-            consistent: h.section("consistent", volume),
-            stiff: h.section("stiff", volume),
-            default_preset: h
-                .choice("default", &HydraulicPreset::WORDS)
-                .unwrap_or(HydraulicPreset::Printed),
-        }
-    });
-    let valve = t.section("valve", |v| ServoValve {
-        natural_frequency_hz: v.noted("natural_frequency_hz", Range::within(1.0, 1000.0)),
-        damping_ratio: v.noted("damping_ratio", Range::within(0.05, 2.0)),
-        no_load_flow_m3_s: v.noted("no_load_flow_m3_s", Range::positive(1.0)),
-        slew_per_s: v.noted("slew_full_strokes_per_s", Range::within(0.1, 1e4)),
-        null_bias: v.noted("null_bias", Range::within(-0.1, 0.1)),
-        supply_pressure_pa: v.noted("supply_pressure_pa", Range::within(1e5, 5e7)),
-        dead_time_s: v.noted("dead_time_s", Range::within(0.0, 0.1)),
-    });
-    let friction = t.section("friction", |f| {
-        let friction = SealFriction {
-            coulomb_n: f.noted("coulomb_n", Range::within(0.0, 1e5)),
-            static_n: f.noted("static_n", Range::within(0.0, 1e5)),
-            stribeck_velocity_m_s: f.noted("stribeck_velocity_m_s", Range::positive(1.0)),
-            bristle_n_m: f.noted("bristle_n_m", Range::positive(1e12)),
-            bristle_damping_n_s_m: f.noted("bristle_damping_n_s_m", Range::within(0.0, 1e9)),
-        };
-        if friction.static_n < friction.coulomb_n {
-            f.refuse(
-                "static_n",
-                format!("is below the Coulomb friction, {} N", friction.coulomb_n),
-                "make it at least the Coulomb friction",
-            );
-        }
-        friction
-    });
-    let part = Range::within(0.0, 0.9);
-    let spread = t.section("spread", |s| Spread {
-        flow_gain: s.noted("flow_gain", part),
-        null_bias: s.noted("null_bias", Range::within(0.0, 0.1)),
-        friction: s.noted("friction", part),
-        bulk_modulus: s.noted("bulk_modulus", part),
-        plate_mass: s.noted("plate_mass", part),
-        valve_frequency: s.noted("valve_frequency", part),
-        dead_time_s: s.noted("dead_time_s", Range::within(0.0, 0.1)),
-    });
-    let sensors = t.optional_section("sensors", read_sensors);
     Said {
         ground,
         rack,
@@ -238,22 +162,84 @@ fn read_toml(t: &Table<'_, '_>, tree: Option<&UrdfTree>) -> Said {
         dead_length_m,
         radius_m,
         length_error_m,
-        hydraulics,
-        valve,
-        friction,
-        sensors,
-        spread,
+        hydraulics: t.section("hydraulics", read_hydraulics),
+        valve: t.section("valve", read_valve),
+        friction: t.section("friction", read_friction),
+        spread: t.section("spread", read_spread),
+        sensors: t.optional_section("sensors", read_sensors),
     }
 }
 
-fn read_sensors(t: &Table<'_, '_>) -> RigSensors {
-    let pair = |s: &Table<'_, '_>, key: &'static str| s.noted_list(key, Range::within(0.0, 1e7));
+fn read_hydraulics(t: Section<'_, '_, '_>) -> Hydraulics {
+    let volume = |p: Section<'_, '_, '_>| OilVolume {
+        total_volume_m3: p.number("total_volume_m3"),
+        leakage_m3_s_pa: p.number("leakage_m3_s_pa"),
+    };
+    Hydraulics {
+        area_m2: t.number("area_m2"),
+        bulk_modulus_pa: t.number("bulk_modulus_pa"),
+        viscous_n_s_m: t.number("viscous_n_s_m"),
+        dead_volume_m3: t.number("dead_volume_m3"),
+        printed: t.section("printed", volume),
+        consistent: t.section("consistent", volume),
+        stiff: t.section("stiff", volume),
+        // A placeholder behind a problem that was reported.
+        default_preset: t
+            .choice("default", &HydraulicPreset::WORDS)
+            .unwrap_or(HydraulicPreset::Printed),
+    }
+}
+
+fn read_valve(t: Section<'_, '_, '_>) -> ServoValve {
+    ServoValve {
+        natural_frequency_hz: t.number("natural_frequency_hz"),
+        damping_ratio: t.number("damping_ratio"),
+        no_load_flow_m3_s: t.number("no_load_flow_m3_s"),
+        slew_per_s: t.number("slew_full_strokes_per_s"),
+        null_bias: t.number("null_bias"),
+        supply_pressure_pa: t.number("supply_pressure_pa"),
+        dead_time_s: t.number("dead_time_s"),
+    }
+}
+
+fn read_friction(t: Section<'_, '_, '_>) -> SealFriction {
+    let friction = SealFriction {
+        coulomb_n: t.number("coulomb_n"),
+        static_n: t.number("static_n"),
+        stribeck_velocity_m_s: t.number("stribeck_velocity_m_s"),
+        bristle_n_m: t.number("bristle_n_m"),
+        bristle_damping_n_s_m: t.number("bristle_damping_n_s_m"),
+    };
+    if friction.static_n < friction.coulomb_n {
+        t.refuse(
+            "static_n",
+            format!("is below the Coulomb friction, {} N", friction.coulomb_n),
+            "make it at least the Coulomb friction",
+        );
+    }
+    friction
+}
+
+fn read_spread(t: Section<'_, '_, '_>) -> Spread {
+    Spread {
+        flow_gain: t.number("flow_gain"),
+        null_bias: t.number("null_bias"),
+        friction: t.number("friction"),
+        bulk_modulus: t.number("bulk_modulus"),
+        plate_mass: t.number("plate_mass"),
+        valve_frequency: t.number("valve_frequency"),
+        dead_time_s: t.number("dead_time_s"),
+    }
+}
+
+fn read_sensors(t: Section<'_, '_, '_>) -> RigSensors {
+    let pair = |s: Section<'_, '_, '_>, key: &'static str| s.list(key);
     // What sensors of both kinds have.
-    let common = |s: &Table<'_, '_>| SixAxisSensor {
-        natural_frequency_hz: s.noted("natural_frequency_hz", Range::within(10.0, 1e5)),
-        damping_ratio: s.noted("damping_ratio", Range::within(0.01, 2.0)),
-        delay_s: s.noted("delay_s", Range::within(0.0, 0.005)),
-        delay_spread_s: s.noted("delay_spread_s", Range::within(0.0, 0.005)),
+    let common = |s: Section<'_, '_, '_>| SixAxisSensor {
+        natural_frequency_hz: s.number("natural_frequency_hz"),
+        damping_ratio: s.number("damping_ratio"),
+        delay_s: s.number("delay_s"),
+        delay_spread_s: s.number("delay_spread_s"),
         noise: [0.0; 2],
         drift_per_s: [0.0; 2],
         dead_zone: [0.0; 2],
@@ -282,9 +268,9 @@ fn read_sensors(t: &Table<'_, '_>) -> RigSensors {
             zero_spread: pair(s, "zero_spread_m_s2_rad_s2"),
             ..common(s)
         }),
-        length_noise_m: t.noted("length_noise_m", Range::within(0.0, 0.01)),
-        length_quantum_m: t.noted("length_quantum_m", Range::within(0.0, 0.01)),
-        pressure_noise_n: t.noted("pressure_noise_n", Range::within(0.0, 1e6)),
+        length_noise_m: t.number("length_noise_m"),
+        length_quantum_m: t.number("length_quantum_m"),
+        pressure_noise_n: t.number("pressure_noise_n"),
     }
 }
 

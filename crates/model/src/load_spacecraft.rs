@@ -2,8 +2,8 @@ use std::path::Path;
 
 use docktwin_core::Pose;
 
+use crate::keys::{FileKind, read};
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
-use crate::toml_check::{Checker, Range, Table};
 use crate::urdf::{self, UrdfTree};
 use crate::{Sources, Spacecraft, SpacecraftHull};
 
@@ -42,10 +42,9 @@ pub(crate) fn read_spacecraft(
     let tree = urdf_text.and_then(|text| urdf::read(urdf_path, &text, meshes, out));
     let toml_text = toml_text?;
 
-    let checker = Checker::new(&toml_path, &toml_text);
-    let said = checker.read(|t| {
-        check_header(t, "spacecraft");
-        let port_link = t.text("port_link", "name of a link of the URDF");
+    let checker = FileKind::Spacecraft.checker(&toml_path, &toml_text);
+    let said = read::read(&checker, FileKind::Spacecraft, |t| {
+        let port_link = t.text("port_link");
         if let Some(tree) = &tree
             && !port_link.is_empty()
             && !tree.links.contains_key(&port_link)
@@ -54,14 +53,10 @@ pub(crate) fn read_spacecraft(
             let remedy = format!("name one of {names}, or add it to the URDF");
             t.refuse("port_link", "is not a link of the URDF", remedy);
         }
-        t.section("numbers", |n| {
-            for key in ["mass_kg", "inertia_kg_m2", "com_m", "port"] {
-                n.note_only(key);
-            }
-        });
+        t.section("numbers", |n| n.notes());
         let hull = t.section("hull", |h| SpacecraftHull {
-            radius_m: h.noted("radius_m", Range::positive(50.0)),
-            length_m: h.noted("length_m", Range::positive(500.0)),
+            radius_m: h.number("radius_m"),
+            length_m: h.number("length_m"),
         });
         (port_link, hull)
     });
@@ -115,13 +110,4 @@ fn body_mass(path: &Path, tree: &UrdfTree, out: &mut Findings) -> Option<urdf::M
         return None;
     }
     Some(urdf::compose(&parts))
-}
-
-/// `schema = 1` and the kind of the file.
-pub(crate) fn check_header(t: &Table<'_, '_>, kind: &'static str) {
-    t.optional_count("schema", 1, 1).or_else(|| {
-        t.refuse("schema", "is missing", "add `schema = 1`");
-        None
-    });
-    t.choice("kind", &[(kind, ())]);
 }

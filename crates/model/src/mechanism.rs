@@ -1,4 +1,5 @@
 use docktwin_core::{DMat3, DVec3, Digest};
+use serde::{Deserialize, Serialize};
 
 /// Both sides of a docking mechanism and the laws between them.
 ///
@@ -188,6 +189,27 @@ pub enum Attenuator {
     Characteristic(CharacteristicAttenuator),
     /// Six screw legs coupled through differentials.
     Differential(DifferentialAttenuator),
+}
+
+/// Which attenuator carries the active ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AttenuationChoice {
+    /// Six tables, one per axis.
+    Characteristic,
+    /// Six coupled screw legs.
+    Differential,
+    /// None: the ring is part of the chaser.
+    Rigid,
+}
+
+impl AttenuationChoice {
+    /// Words by which files name the choices.
+    pub const WORDS: [(&'static str, Self); 3] = [
+        ("characteristic", Self::Characteristic),
+        ("differential", Self::Differential),
+        ("rigid", Self::Rigid),
+    ];
 }
 
 /// Per-axis characteristic of the attenuation (Fig. 6–9): X; Y/Z; pitch/yaw; roll.

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::DVec3;
 
-use crate::check::{Kind, kind_of};
+use crate::check::kind_of;
+use crate::keys::FileKind;
 use crate::load_mechanism::{read_active, read_passive};
 use crate::load_spacecraft::read_spacecraft;
 use crate::problem::Findings;
@@ -256,19 +257,19 @@ pub fn generate_all(models: &Path) -> Result<BTreeMap<String, String>, MeshError
             }
         };
         match kind_of(&urdf.with_extension("toml")) {
-            Some(Kind::MechanismActive) => {
+            Some(FileKind::MechanismActive) => {
                 if let Some(a) = read_active(&urdf, false, &mut out) {
                     side(&a.name, &a.geometry, &mut files);
                 }
             }
-            Some(Kind::MechanismPassive) => {
+            Some(FileKind::MechanismPassive) => {
                 if let Some(p) = read_passive(&urdf, false, &mut out) {
                     side(&p.name, &p.geometry, &mut files);
                 }
             }
             // The parts of a rig have no shape in its file.
-            Some(Kind::Rig) => {}
-            Some(Kind::Spacecraft) | None => {
+            Some(FileKind::Rig) => {}
+            Some(FileKind::Spacecraft) | None => {
                 if let Some((craft, hull)) = read_spacecraft(&urdf, false, &mut out) {
                     files.insert(format!("{}_hull.obj", craft.name), hull_mesh(&hull).to_obj());
                 }

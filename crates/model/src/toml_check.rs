@@ -62,7 +62,9 @@ impl fmt::Display for Range {
 #[must_use]
 pub fn unit_of(key: &str) -> &'static str {
     // Longest suffixes first.
-    const UNITS: [(&str, &str); 32] = [
+    const UNITS: [(&str, &str); 34] = [
+        ("_per_s_n_nm", "N/s, N·m/s"),
+        ("_m_s2_rad_s2", "m/s², rad/s²"),
         ("_n_nm", "N, N·m"),
         ("_m3_s_pa", "m³/(s·Pa)"),
         ("_m3_s", "m³/s"),
@@ -113,6 +115,8 @@ pub struct Checker<'a> {
     problems: RefCell<Vec<Problem>>,
     values: RefCell<Vec<ReadValue>>,
     unlisted: Cell<usize>,
+    /// Every key of this kind of file: its table and its name.
+    places: Vec<(&'static str, &'static str)>,
 }
 
 impl<'a> Checker<'a> {
@@ -126,7 +130,22 @@ impl<'a> Checker<'a> {
             problems: RefCell::default(),
             values: RefCell::default(),
             unlisted: Cell::default(),
+            places: Vec::new(),
         }
+    }
+
+    /// With every key of this kind of file, as its table and its name: one that stands in the wrong
+    /// table is then sent to the right one.
+    #[must_use]
+    pub fn with_places(mut self, keys: impl Iterator<Item = (&'static str, &'static str)>) -> Self {
+        self.places = keys.collect();
+        self
+    }
+
+    /// Where a key of this name belongs; `None` when no table has it, or the file itself.
+    fn place_of(&self, name: &str) -> Option<String> {
+        let (table, _) = self.places.iter().find(|(t, n)| !t.is_empty() && *n == name)?;
+        Some(format!("{table}.{name}"))
     }
 
     /// Parses, reads the whole document with `read`, and refuses every key not asked for. `None`
@@ -237,6 +256,12 @@ impl<'c, 'a> Table<'c, 'a> {
     #[must_use]
     pub fn has(&self, key: &'static str) -> bool {
         self.entry(key).is_some()
+    }
+
+    /// Dotted path of this table; empty for the file itself.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        &self.path
     }
 
     /// Dotted path of a key of this table.
@@ -674,12 +699,10 @@ impl<'c, 'a> Table<'c, 'a> {
             if known.contains(name) {
                 continue;
             }
-            let remedy = match nearest(name, known.iter().copied()) {
-                Some(n) if n.starts_with(name) || distance(name, n) <= 1 + name.len() / 3 => {
-                    format!("did you mean `{n}`?")
-                }
-                _ => "remove it".into(),
-            };
+            let near = nearest(name, known.iter().copied())
+                .filter(|n| n.starts_with(name) || distance(name, n) <= 1 + name.len() / 3);
+            let meant = self.cx.place_of(name).or_else(|| near.map(str::to_owned));
+            let remedy = meant.map_or("remove it".into(), |m| format!("did you mean `{m}`?"));
             self.cx.push(Problem {
                 line: Some(self.cx.line(k.span().start)),
                 key: self.key(name),

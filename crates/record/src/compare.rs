@@ -116,9 +116,9 @@ impl Comparison {
 }
 
 /// Units a column's name may end with, longest first.
-const UNITS: [&str; 17] = [
+const UNITS: [&str; 18] = [
     "kg_m2_s", "kg_m_s", "rad_s2", "n_s_m", "rad_s", "m_s2", "n_s", "m_s", "rad", "nm", "hz", "kg",
-    "m", "n", "j", "s", "w",
+    "us", "m", "n", "j", "s", "w",
 ];
 
 /// Unit at the end of a column's name, `m_s` of `chaser_velocity_x_m_s`; empty for a pure number.

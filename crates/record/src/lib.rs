@@ -16,6 +16,29 @@
 //! In `run.mcap` each topic is one channel in the ROS 2 wire format (`cdr`, schema `ros2msg`), so
 //! that Foxglove, PlotJuggler and the public `mcap` tools decode it without docktwin.
 //!
+//! ```
+//! use std::collections::BTreeMap;
+//!
+//! use docktwin_core::{SimTime, Tick};
+//! use docktwin_record::{Cell, Column, Policy, RunReader, RunWriter};
+//!
+//! # let dir = tempfile::tempdir().unwrap();
+//! # let dir = dir.path().join("run");
+//! let columns = vec![Column::f64("/loads", "force_x_n"), Column::u64("/latches", "phase")];
+//! let mut run = RunWriter::create(&dir, columns, Vec::new(), &BTreeMap::new(), Policy::Block)?;
+//! for n in 0..3 {
+//!     let row = [Cell::from(f64::from(n) * 100.0), Cell::from(u64::from(n))];
+//!     run.tick(Tick(n.into()), SimTime::of_tick(Tick(n.into()), 1_000_000), &row, &[])?;
+//! }
+//! drop(run); // as if the process had been killed: no summary, no index
+//!
+//! let mut log = RunReader::open(&dir)?;
+//! let force = log.column_index("force_x_n").expect("a column");
+//! let ticks: Result<Vec<_>, _> = log.ticks().collect();
+//! assert_eq!(ticks?[2].row[force].as_f64(), 200.0);
+//! # Ok::<(), docktwin_record::RecordError>(())
+//! ```
+//!
 //! Absent on purpose: physics, scenarios, the loop. This crate knows names, units and bits.
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]

@@ -5,6 +5,17 @@
 //! summary, a cut log, missing models. The page says what is missing, and up to when it can be
 //! trusted. It refers to nothing outside itself and has no script.
 //!
+//! ```
+//! # let run = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+//! # let run = run.join("../record/tests/recordings/schema-1/docking");
+//! # let out = tempfile::tempdir().unwrap();
+//! # let out = out.path().join("report.html");
+//! let written = docktwin_report::write(&run, &out)?;
+//! let page = std::fs::read_to_string(&written.path).unwrap();
+//! assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("<script"));
+//! # Ok::<(), docktwin_report::ReportError>(())
+//! ```
+//!
 //! Absent on purpose: physics. What the page says is in the record, or is geometry of it.
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]

@@ -14,12 +14,16 @@
 //! # Ok::<(), docktwin_run::RunError>(())
 //! ```
 //!
-//! From a scenario to bodies and control wrenches: [`setup`]; from a state to everything that is recorded
-//! of it: [`signals`], with a rig [`telemetry`]; what is gathered along a run and judged: [`observer`];
-//! how near a rig comes to the simulated system: [`fidelity`].
+//! From a scenario to bodies and control wrenches: [`setup`]; every signal that is recorded, with unit,
+//! frame and meaning: [`columns`]; their values, of a state: [`signals`], with a rig [`telemetry`]; what is
+//! gathered along a run and judged: [`observer`]; how near a rig comes to the simulated system:
+//! [`fidelity`].
 //!
 //! Absent on purpose: the command line, printing, terminals, the viewer.
 
+#![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
+
+pub mod columns;
 pub mod commission;
 pub mod control;
 mod error;

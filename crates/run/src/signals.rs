@@ -9,7 +9,10 @@ use docktwin_physics::{
 };
 use docktwin_record::{Cell, Column, ContactRow};
 
-use crate::control::Situation;
+use crate::{
+    columns::{DOCKING, columns_of},
+    control::Situation,
+};
 
 /// Most places of contact recorded in one tick.
 pub const MAX_CONTACTS: usize = 32;
@@ -142,71 +145,10 @@ impl Instant {
     }
 }
 
-pub(crate) const XYZ: [&str; 3] = ["x", "y", "z"];
-
-/// Columns of the recording, in the order of [`row`].
+/// Columns of the recording, in the order of [`row`]: those of [`crate::columns::DOCKING`].
 #[must_use]
 pub fn columns() -> Vec<Column> {
-    let mut out = Vec::new();
-    let mut vector = |topic: &str, name: &str, unit: &str| {
-        for a in XYZ {
-            out.push(Column::f64(topic, format!("{name}_{a}_{unit}")));
-        }
-    };
-    for body in ["chaser", "ring", "target"] {
-        let topic = format!("/{body}");
-        vector(&topic, &format!("{body}_position"), "m");
-        vector(&topic, &format!("{body}_velocity"), "m_s");
-        vector(&topic, &format!("{body}_rate"), "rad_s");
-    }
-    vector("/relative", "relative_position", "m");
-    vector("/relative", "relative_attitude", "rad");
-    vector("/relative", "relative_velocity", "m_s");
-    vector("/relative", "relative_rate", "rad_s");
-    vector("/attenuator", "ring_deflection", "m");
-    vector("/attenuator", "ring_rotation", "rad");
-    vector("/loads", "port3_force", "n");
-    vector("/loads", "port3_moment", "nm");
-    vector("/loads", "port4_force", "n");
-    vector("/loads", "port4_moment", "nm");
-    vector("/loads", "contact_force", "n");
-    for body in ["chaser", "target"] {
-        vector("/inputs", &format!("{body}_control_force"), "n");
-        vector("/inputs", &format!("{body}_control_moment"), "nm");
-    }
-    for i in 1..=3 {
-        // On the target, in r3: a caught latch pulls along -X.
-        vector("/latches", &format!("latch_{i}_force"), "n");
-    }
-    vector("/momentum", "linear_momentum", "kg_m_s");
-    vector("/momentum", "angular_momentum", "kg_m2_s");
-    for body in ["chaser", "ring", "target"] {
-        for a in ["w", "x", "y", "z"] {
-            out.push(Column::f64(format!("/{body}"), format!("{body}_attitude_{a}")));
-        }
-    }
-    for kind in [
-        "kinetic",
-        "stored",
-        "lost_contact",
-        "lost_friction",
-        "lost_attenuator",
-        "lost_joint",
-        "lost_capture",
-        "work_in",
-    ] {
-        out.push(Column::f64("/energy", format!("energy_{kind}_j")));
-    }
-    for i in 1..=3 {
-        out.push(Column::u64("/latches", format!("latch_{i}_phase")));
-    }
-    for i in 1..=3 {
-        out.push(Column::f64("/latches", format!("latch_{i}_gap_m")));
-    }
-    out.push(Column::f64("/contact", "contact_depth_m"));
-    out.push(Column::u64("/contact", "contact_places"));
-    out.push(Column::u64("/digest", "state_digest"));
-    out
+    columns_of(DOCKING)
 }
 
 /// The places of contact of an instant; `out` is cleared and filled.
@@ -282,13 +224,5 @@ pub fn row(i: &Instant, system: &System, inputs: &Inputs, digest: u64, out: &mut
 /// Names of the control wrench columns, in the order of [`Inputs`].
 #[must_use]
 pub fn input_columns() -> Vec<String> {
-    let mut out = Vec::new();
-    for body in ["chaser", "target"] {
-        for (part, unit) in [("force", "n"), ("moment", "nm")] {
-            for a in XYZ {
-                out.push(format!("{body}_control_{part}_{a}_{unit}"));
-            }
-        }
-    }
-    out
+    columns().into_iter().filter(|c| c.topic == "/inputs").map(|c| c.name).collect()
 }

@@ -1,10 +1,6 @@
 //! What is recorded of a run against a rig: the columns of a docking, and those of loop and rig.
 //!
-//! The columns of a docking mean, against a rig: bodies are those of the body programme; `port3` and
-//! `port4` the wrenches measured and conditioned; `relative` the pose that the mechanisms have, as
-//! measured; latches and ring as the mechanism's own sensors tell; places of contact and their forces
-//! are the model's at that pose, because no rig measures them; `energy_lost` is what has left the
-//! motion of the bodies through the ports, so that below zero the loop has put energy in.
+//! What the columns of a docking mean against a rig stands beside each in [`crate::columns`].
 
 use docktwin_core::{DVec3, PORT_CONTACT_N, Pose, Wrench};
 use docktwin_hil::scheduler::TickRecord;
@@ -17,50 +13,17 @@ use docktwin_physics::{
 };
 use docktwin_record::{Cell, Column};
 
-use crate::signals::{Instant, XYZ, columns};
+use crate::{
+    columns::{WITH_RIG, columns_of},
+    signals::{Instant, columns},
+};
 
-/// Columns of a run against a rig: those of a docking, then those of [`loop_row`].
+/// Columns of a run against a rig: those of a docking, then those of [`loop_row`], which are
+/// [`crate::columns::WITH_RIG`].
 #[must_use]
 pub fn hil_columns() -> Vec<Column> {
     let mut out = columns();
-    for a in XYZ {
-        out.push(Column::f64("/programme", format!("programme_position_{a}_m")));
-    }
-    for a in XYZ {
-        out.push(Column::f64("/programme", format!("programme_rotation_{a}_rad")));
-    }
-    for sensor in ["sensor_a", "sensor_b", "truth_port3", "truth_port4"] {
-        for (part, unit) in [("force", "n"), ("moment", "nm")] {
-            for a in XYZ {
-                out.push(Column::f64(format!("/{sensor}"), format!("{sensor}_{part}_{a}_{unit}")));
-            }
-        }
-    }
-    for (part, unit) in [("specific_force", "m_s2"), ("angular_acceleration", "rad_s2")] {
-        for a in XYZ {
-            out.push(Column::f64("/plate", format!("plate_{part}_{a}_{unit}")));
-        }
-    }
-    for i in 1..=6 {
-        for (what, unit) in [
-            ("length", "_m"),
-            ("speed", "_m_s"),
-            ("force", "_n"),
-            ("spool", ""),
-            ("command_length", "_m"),
-            ("command_flow_speed", "_m_s"),
-            ("command_force", "_n"),
-        ] {
-            out.push(Column::f64("/legs", format!("leg_{i}_{what}{unit}")));
-        }
-    }
-    out.push(Column::u64("/loop", "loop_phase"));
-    out.push(Column::u64("/loop", "rig_status"));
-    out.push(Column::u64("/loop", "rig_capabilities"));
-    out.push(Column::bool("/loop", "measurement_fresh"));
-    out.push(Column::f64("/loop", "wakeup_lateness_us"));
-    out.push(Column::f64("/loop", "compute_time_us"));
-    out.push(Column::u64("/loop", "missed_ticks"));
+    out.extend(columns_of(WITH_RIG));
     out
 }
 

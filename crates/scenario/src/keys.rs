@@ -3,9 +3,8 @@
 
 use core::fmt::Write as _;
 
-use docktwin_model::contact_ranges as contact;
-use docktwin_model::input::shown;
-use docktwin_model::toml_check::{Range, nearest, unit_of};
+use docktwin_model::keys::{UnknownKey, contact_ranges as contact, without_indices};
+use docktwin_model::toml_check::{Range, unit_of};
 
 /// What may stand behind a key.
 #[derive(Clone, Copy, Debug)]
@@ -327,29 +326,15 @@ fn example(key: &str) -> &'static str {
     ""
 }
 
+/// Every key as its table and its name.
+pub(crate) fn places() -> impl Iterator<Item = (&'static str, &'static str)> {
+    KEYS.iter().map(|k| k.key.rsplit_once('.').unwrap_or(("", k.key)))
+}
+
 /// The entry of a key, given with or without indices of arrays.
 pub(crate) fn find(path: &str) -> Option<&'static Key> {
     let plain = without_indices(path);
     KEYS.iter().find(|k| k.key == plain)
-}
-
-fn without_indices(path: &str) -> String {
-    let names = path.split('.').filter(|p| p.parse::<usize>().is_err());
-    names.collect::<Vec<_>>().join(".")
-}
-
-/// A key that no scenario has.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{key}` is no key of a scenario{}", question(nearest))]
-pub struct UnknownKey {
-    /// What was asked for, printable and cut when long.
-    pub key: String,
-    /// The key most like it; empty when none is.
-    pub nearest: String,
-}
-
-fn question(nearest: &str) -> String {
-    if nearest.is_empty() { String::new() } else { format!("; did you mean `{nearest}`?") }
 }
 
 /// One key as a script sees it.
@@ -391,14 +376,7 @@ pub fn explained(key: Option<&str>) -> Result<Vec<Explained>, UnknownKey> {
         .collect();
     if found.is_empty() {
         let asked = plain.unwrap_or_default();
-        // The last word alone may be meant, without its table.
-        let of_a_table = KEYS.iter().find(|k| k.key.rsplit('.').next() == Some(asked.as_str()));
-        let nearest = of_a_table
-            .map(|k| k.key)
-            .or_else(|| nearest(&asked, KEYS.iter().map(|k| k.key)))
-            .unwrap_or_default()
-            .to_owned();
-        return Err(UnknownKey { key: shown(&asked), nearest });
+        return Err(UnknownKey::among("scenario", &asked, KEYS.iter().map(|k| k.key)));
     }
     Ok(found)
 }

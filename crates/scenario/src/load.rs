@@ -10,7 +10,7 @@ use docktwin_model::{
 };
 
 use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
-use crate::keys::{Shape, find};
+use crate::keys::{Shape, find, places};
 use crate::overrides::{self, Patch};
 
 /// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
@@ -207,7 +207,7 @@ pub(crate) fn checked(
     let path = file.path.clone();
     let mut problems = Vec::new();
     let effective = apply(&path, text, patches, label, &mut problems);
-    let checker = Checker::new(&path, &effective);
+    let checker = Checker::new(&path, &effective).with_places(places());
     let read = checker.read(read_scenario);
     problems.extend(checker.finish().0);
 

@@ -1,0 +1,863 @@
+//! Keys of the TOML beside each side of a docking mechanism.
+
+use super::{Group, Key, Need, Need::Required, SCHEMA, Shape, key, names, table, tables};
+use crate::mechanism::AttenuationChoice;
+use crate::toml_check::Range;
+
+/// Ranges of the contact law, shared with scenarios that override parts of it.
+pub mod contact_ranges {
+    use crate::toml_check::Range;
+
+    /// Stiffness, N/mⁿ.
+    pub const STIFFNESS: Range = Range::positive(1e12);
+    /// Exponent of Hunt–Crossley.
+    pub const EXPONENT: Range = Range::within(1.0, 3.0);
+    /// Damping of Hunt–Crossley, s/m.
+    pub const DAMPING_S_M: Range = Range::within(0.0, 100.0);
+    /// Damping of Kelvin–Voigt, N·s/m.
+    pub const DAMPING_N_S_M: Range = Range::within(0.0, 1e7);
+    /// Friction coefficients.
+    pub const FRICTION: Range = Range::within(0.0, 2.0);
+    /// Stribeck velocity, m/s.
+    pub const STRIBECK_VELOCITY: Range = Range::within(1e-6, 1.0);
+    /// Break-away displacement of the bristle, m.
+    pub const BRISTLE_BREAKAWAY: Range = Range::within(1e-8, 0.01);
+    /// Damping time of the bristle, s.
+    pub const BRISTLE_DAMPING: Range = Range::within(0.0, 1.0);
+    /// Merging depth, m.
+    pub const MERGE_DEPTH: Range = Range::within(1e-7, 0.01);
+}
+use contact_ranges as contact;
+
+/// A word of `contact.normal_law`, and whether it is Hunt–Crossley.
+pub(crate) const NORMAL_LAWS: [(&str, bool); 2] =
+    [("hunt_crossley", true), ("kelvin_voigt", false)];
+
+const NORMAL_LAW_NAMES: [&str; 2] = names(&NORMAL_LAWS);
+const ATTENUATION_NAMES: [&str; 3] = names(&AttenuationChoice::WORDS);
+
+const fn kind(word: &'static [&'static str], example: &'static str) -> Key {
+    key(
+        "kind",
+        Shape::Words(word),
+        example,
+        "What the file describes.",
+        "Decides which keys are read; `model check` finds the loader by it.",
+    )
+}
+
+const DAMPING: Range = Range::within(0.0, 1e8);
+const FORCE: Range = Range::within(0.0, 1e8);
+const CURVE: Range = Range::within(0.0, 1e9);
+const LENGTH: Range = Range::positive(1.0);
+const LOAD: Range = Range::positive(1e9);
+const STIFFNESS: Range = Range::positive(1e12);
+
+// Both sides -----------------------------------------------------------------------------------
+
+const RING: Group = Group {
+    tables: &[table(
+        "ring",
+        Required,
+        "The guide ring of this side: a torus about X of its ring frame (`r3` of the active side, `r4` \
+         of the passive one).",
+    )],
+    keys: &[
+        key(
+            "mean_radius_m",
+            Shape::Number(Range::positive(5.0)),
+            "0.6",
+            "Radius of the centre circle.",
+            "Rings of both sides meet at it. Latches stand on the active side's circle, and rotations \
+             count at it against `limits.overtravel_m`.",
+        ),
+        key(
+            "section_radius_m",
+            Shape::Number(Range::positive(0.5)),
+            "0.025",
+            "Radius of the section; below `mean_radius_m`.",
+            "The ring faces meet at this height over the centre circles: it is part of the docked length. \
+             Thicker rings leave less clearance to the petals of the other side.",
+        ),
+        key(
+            "segments",
+            Shape::Count(8, 720),
+            "48",
+            "Straight pieces by which meshes, and engines without a torus, approximate the ring.",
+            "Only for pictures and for the comparison with MuJoCo: the contact law uses the exact circle.",
+        ),
+    ],
+};
+
+const PETALS: Group = Group {
+    tables: &[table(
+        "petals",
+        Need::Optional("without it the side is a bare ring"),
+        "The guide petals of this side, alike and evenly spread. The mid-surface of one is ruled by \
+         straight lines from an arc at the base to an arc at the tip; a ball of half the thickness swept \
+         over it is the petal.",
+    )],
+    keys: &[
+        key(
+            "count",
+            Shape::Count(1, 12),
+            "3",
+            "Number of petals; both sides must have the same.",
+            "The petals of both sides interleave around the ring.",
+        ),
+        key(
+            "first_azimuth_deg",
+            Shape::Number(Range::within(-360.0, 360.0)),
+            "0.0",
+            "Azimuth of the middle of petal 0 in the ring frame, from +Y toward +Z.",
+            "Azimuth β of the passive side is 180° − β seen from `r3`: it decides whether petals \
+             interleave or collide. The URDF's links `petal_0`, `petal_1`, … must be turned by it.",
+        ),
+        key(
+            "base_radius_m",
+            Shape::Number(Range::positive(5.0)),
+            "0.597",
+            "Radius of the mid-surface at the base (x = 0), within the section of the ring.",
+            "With the ring of the other side it decides the clearance when docked.",
+        ),
+        key(
+            "tip_radius_m",
+            Shape::Number(Range::positive(5.0)),
+            "0.41",
+            "Radius of the mid-surface at the tip (x = `height_m`).",
+            "Below the base radius petals lean inward, above it outward; both sides must lean the same \
+             way. The difference is the sideways offset that petals can still guide.",
+        ),
+        key(
+            "height_m",
+            Shape::Number(Range::positive(2.0)),
+            "0.187",
+            "Height of the mid-surface along X of the ring frame.",
+            "With both radii it is the slope that turns an offset into a push sideways; beyond this \
+             height a departing target counts as separated.",
+        ),
+        key(
+            "base_half_angle_deg",
+            Shape::Number(Range::positive(90.0)),
+            "28.0",
+            "Half of the angle that a petal covers at its base; below 180°/`count`.",
+            "What both sides' half-angles leave of 180°/`count` is the roll play when docked.",
+        ),
+        key(
+            "tip_half_angle_deg",
+            Shape::Number(Range::positive(90.0)),
+            "14.0",
+            "Half of the angle that a petal covers at its tip; below 180°/`count`.",
+            "With the base angle it is the slope of the side edges, which turn the ring in roll.",
+        ),
+        key(
+            "thickness_m",
+            Shape::Number(Range::positive(0.2)),
+            "0.02",
+            "Thickness; edges are rounded with half of it. Below `height_m`.",
+            "Thicker petals leave less clearance and less roll play.",
+        ),
+        key(
+            "strips",
+            Shape::Count(1, 64),
+            "8",
+            "Strips by which meshes, and engines of convex pieces, approximate a petal.",
+            "Only for pictures and for the comparison with MuJoCo: the contact law searches the exact \
+             surface.",
+        ),
+        key(
+            "flexural_rigidity_n_m2",
+            Shape::Number(Range::positive(1e12)),
+            "16000.0",
+            "Flexural rigidity EI of a petal as a cantilever, N·m².",
+            "At arc length s from the base a petal gives in with s³/(3 EI), in series with the contact \
+             stiffness. Smaller makes contacts at the tip softer; very large is a rigid petal.",
+        ),
+    ],
+};
+
+// The active side ------------------------------------------------------------------------------
+
+pub(super) const ACTIVE: &[Group] = &[
+    Group {
+        tables: &[table("", Required, "The file itself.")],
+        keys: &[SCHEMA, kind(&["mechanism_active"], "\"mechanism_active\"")],
+    },
+    Group {
+        tables: &[table("placement", Required, "Where the ring stands.")],
+        keys: &[key(
+            "ring_rest_offset_m",
+            Shape::Number(Range::positive(2.0)),
+            "0.3",
+            "Distance along +X3 from the mounting plane `e3` to the ring's centre circle, the ring at rest.",
+            "Origin of `r3` at rest, and part of the docked length. The joint of the URDF's link `ring` \
+             must stand there.",
+        )],
+    },
+    RING,
+    PETALS,
+    Group {
+        tables: &[table(
+            "ring_body",
+            Required,
+            "The active ring with its petals and latches as one rigid body between the spacecraft. The \
+             inertial of the URDF's link `ring` must agree; no other link of the file may have one.",
+        )],
+        keys: &[
+            key(
+                "mass_kg",
+                Shape::Number(Range::within(1e-4, 1e5)),
+                "39.1",
+                "Mass of ring, petals and latches together.",
+                "It is not part of the chaser's mass: the chaser's URDF is without it. With the \
+                 attenuation `rigid` it is added to the chaser. Larger makes first contacts harder, since \
+                 the ring has to be pushed aside before the attenuator gives in.",
+            ),
+            key(
+                "com_m",
+                Shape::List(3, Range::within(-5.0, 5.0)),
+                "[0.032, 0.0, 0.0]",
+                "Mass centre in `r3`.",
+                "Lever of the ring's inertia about its own centre.",
+            ),
+            key(
+                "inertia_kg_m2",
+                Shape::Rows(Some(3), 3, Range::within(-1e7, 1e7)),
+                "[[12.7, 0.0, 0.0], [0.0, 6.4, 0.0], [0.0, 0.0, 6.4]]",
+                "Inertia about the mass centre, axes of `r3`; symmetric, as of a body.",
+                "How fast the ring tilts and rolls under a contact at its rim.",
+            ),
+        ],
+    },
+    CONTACT,
+    Group {
+        tables: &[table("attenuation", Required, "What carries the active ring.")],
+        keys: &[
+            key(
+                "default",
+                Shape::Words(&ATTENUATION_NAMES),
+                "\"characteristic\"",
+                "The attenuation of a scenario that names none: six tables, six coupled screw legs, or \
+                 none (the ring is a part of the chaser).",
+                "A file may describe both tables and legs; one of them must be meant.",
+            ),
+            key(
+                "damping_ramp_s",
+                Shape::Number(Range::within(0.0, 100.0)),
+                "0.2",
+                "Time over which damping goes from its value before capture to that after it.",
+                "0 makes it a step, at which the forces jump.",
+            )
+            .only("[attenuation.characteristic] or [attenuation.differential] is there"),
+        ],
+    },
+    Group {
+        tables: &[table(
+            "attenuation.characteristic",
+            Need::Optional("without it the attenuation `characteristic` cannot be chosen"),
+            "Six independent force–displacement characteristics, one per axis of `e3`; Y and Z share one, \
+             pitch and yaw share one (the paper, Fig. 6–9).",
+        )],
+        keys: &[],
+    },
+    Group {
+        tables: &[
+            table(
+                "attenuation.characteristic.axial",
+                Need::Where("[attenuation.characteristic] is there"),
+                "Along X3; positive deflection is extension, toward the target.",
+            ),
+            table(
+                "attenuation.characteristic.lateral",
+                Need::Where("[attenuation.characteristic] is there"),
+                "Across X3, alike in every direction: the deflection is the length of (Y, Z), so that \
+                 only the positive travel counts.",
+            ),
+        ],
+        keys: TRANSLATION,
+    },
+    Group {
+        tables: &[
+            table(
+                "attenuation.characteristic.axial.series_brake",
+                Need::Optional("without it spring and damper act alone"),
+                "A friction brake in series with table and damper: it slips above its force and keeps \
+                 what it has slipped.",
+            ),
+            table(
+                "attenuation.characteristic.lateral.series_brake",
+                Need::Optional("as in the axial channel"),
+                "As in the axial channel.",
+            ),
+            table(
+                "attenuation.differential.channels.series_brake",
+                Need::Optional("as in the axial channel"),
+                "As in the axial channel.",
+            ),
+        ],
+        keys: &[
+            key(
+                "force_n",
+                Shape::Number(Range::positive(1e8)),
+                "2500.0",
+                "Force above which the brake slips.",
+                "Limits the force of the channel: the stroke times this force is the energy that it takes.",
+            ),
+            key(
+                "viscous_n_s_m",
+                Shape::Number(DAMPING),
+                "500.0",
+                "Viscous part while it slips; above 0 where the channel has no damping.",
+                "Larger makes the force rise with the speed of slipping.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[
+            table(
+                "attenuation.characteristic.tilt",
+                Need::Where("[attenuation.characteristic] is there"),
+                "Pitch and yaw, alike in every direction: the deflection is the length of the rotation \
+                 vector's (Y, Z), so that only the positive travel counts.",
+            ),
+            table(
+                "attenuation.characteristic.roll",
+                Need::Where("[attenuation.characteristic] is there"),
+                "About X3, by the X component of the rotation vector.",
+            ),
+        ],
+        keys: ROTATION,
+    },
+    Group {
+        tables: &[
+            table(
+                "attenuation.characteristic.tilt.series_brake",
+                Need::Optional("without it spring and damper act alone"),
+                "A friction brake in series with table and damper.",
+            ),
+            table(
+                "attenuation.characteristic.roll.series_brake",
+                Need::Optional("without it spring and damper act alone"),
+                "A friction brake in series with table and damper.",
+            ),
+        ],
+        keys: &[
+            key(
+                "force_nm",
+                Shape::Number(Range::positive(1e8)),
+                "300.0",
+                "Moment above which the brake slips.",
+                "Limits the moment of the channel.",
+            ),
+            key(
+                "viscous_nm_s_rad",
+                Shape::Number(DAMPING),
+                "50.0",
+                "Viscous part while it slips; above 0 where the channel has no damping.",
+                "Larger makes the moment rise with the rate of slipping.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[table(
+            "attenuation.differential",
+            Need::Optional("without it the attenuation `differential` cannot be chosen"),
+            "Six screw legs between chaser and ring, coupled by differentials (the paper, 3.4): brake \
+             coordinates are `coupling` times the legs' changes of length.",
+        )],
+        keys: &[
+            key(
+                "base_joints_m",
+                Shape::Rows(Some(6), 3, Range::within(-5.0, 5.0)),
+                "[[0.0, 0.512, 0.400], [0.0, 0.512, -0.400], …]",
+                "Leg joints on the chaser, in `e3`.",
+                "With the ring joints they are the directions of the legs, and so how far the axes are \
+                 coupled.",
+            ),
+            key(
+                "ring_joints_m",
+                Shape::Rows(Some(6), 3, Range::within(-5.0, 5.0)),
+                "[[0.0, 0.342, 0.468], [0.0, 0.342, -0.468], …]",
+                "Leg joints on the ring, in `r3`, in the order of the base joints.",
+                "Legs that are parallel or meet in one line do not hold the ring, and are refused.",
+            ),
+            key(
+                "coupling",
+                Shape::Rows(Some(6), 6, Range::within(-100.0, 100.0)),
+                "[[0.1667, 0.1667, 0.1667, 0.1667, 0.1667, 0.1667], …]",
+                "Rows: brake coordinates; columns: legs. Row 0 is the longitudinal coordinate.",
+                "What the differentials do. A singular matrix leaves a motion without any brake, and is \
+                 refused.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[tables(
+            "attenuation.differential.channels",
+            6,
+            "One channel for every brake coordinate, in the order of the rows of `coupling`; force over \
+             the coordinate in metres.",
+        )],
+        keys: TRANSLATION,
+    },
+    LATCHES,
+    STICK,
+    LIMITS,
+    OUTCOME,
+];
+
+const CONTACT: Group = Group {
+    tables: &[table(
+        "contact",
+        Required,
+        "The law of contact, one for every pair of surfaces at one place of contact. A scenario may \
+         override each of its keys. Laws: [physics-notes.md](physics-notes.md).",
+    )],
+    keys: &[
+        key(
+            "normal_law",
+            Shape::Words(&NORMAL_LAW_NAMES),
+            "\"hunt_crossley\"",
+            "F = k δⁿ (1 + a δ') (Hunt and Crossley 1975), or F = k δ + c δ' (Kelvin–Voigt); neither pulls.",
+            "Hunt–Crossley begins and ends without a step of force; Kelvin–Voigt is there for comparison.",
+        ),
+        key(
+            "stiffness_n_m",
+            Shape::Number(contact::STIFFNESS),
+            "1000000.0",
+            "k, N/m (N/mⁿ with an exponent n).",
+            "The peak of a first contact goes with its square root. Larger needs smaller steps.",
+        ),
+        key(
+            "exponent",
+            Shape::Number(contact::EXPONENT),
+            "1.0",
+            "n: 1 is linear, 1.5 that of Hertz for two balls.",
+            "Decides how the stiffness grows with depth.",
+        )
+        .only("normal_law = \"hunt_crossley\""),
+        key(
+            "damping_s_m",
+            Shape::Number(contact::DAMPING_S_M),
+            "1.0",
+            "a, s/m.",
+            "0 makes contact elastic; with the closing speed it gives the restitution.",
+        )
+        .only("normal_law = \"hunt_crossley\""),
+        key(
+            "damping_n_s_m",
+            Shape::Number(contact::DAMPING_N_S_M),
+            "4000.0",
+            "c, N·s/m.",
+            "0 makes contact elastic; larger begins every contact with a larger step of force.",
+        )
+        .only("normal_law = \"kelvin_voigt\""),
+        key(
+            "friction_kinetic",
+            Shape::Number(contact::FRICTION),
+            "0.1",
+            "Kinetic friction coefficient.",
+            "0 switches friction off. Larger makes petals jam rather than slide.",
+        ),
+        key(
+            "friction_static",
+            Shape::Number(contact::FRICTION),
+            "0.1",
+            "Static friction coefficient, at least the kinetic one.",
+            "What holds until sliding begins.",
+        ),
+        key(
+            "stribeck_velocity_m_s",
+            Shape::Number(contact::STRIBECK_VELOCITY),
+            "0.003",
+            "Sliding speed at which the static coefficient has faded to 1/e of its excess.",
+            "Without effect where both coefficients are equal, but for the damping of the bristle.",
+        ),
+        key(
+            "bristle_breakaway_m",
+            Shape::Number(contact::BRISTLE_BREAKAWAY),
+            "0.0003",
+            "Displacement over which sticking gives way to sliding.",
+            "Smaller is nearer to ideal Coulomb friction, and needs smaller steps.",
+        ),
+        key(
+            "bristle_damping_s",
+            Shape::Number(contact::BRISTLE_DAMPING),
+            "0.002",
+            "Time constant of the damping while a contact sticks.",
+            "0 lets a stuck contact swing; it fades as sliding begins.",
+        ),
+        key(
+            "merge_depth_m",
+            Shape::Number(contact::MERGE_DEPTH),
+            "5e-5",
+            "ε, the length over which neighbouring samples of one place of contact merge into one depth \
+             (soft maximum).",
+            "Surfaces stand up to ε ln m ahead of the exact ones, m being the number of samples. Smaller \
+             is nearer to the exact surface and less smooth.",
+        ),
+    ],
+};
+
+const TRANSLATION: &[Key] = &[
+    key(
+        "loading_n_over_m",
+        Shape::Rows(None, 2, CURVE),
+        "[[0.0, 0.0], [0.15, 45000.0]]",
+        "Force over deflection while the deflection grows, as points [m, N]; linear between them, \
+         extended with the last slope. Begins at deflection 0 and rises.",
+        "The spring of the channel. A first force above 0 is a preload.",
+    ),
+    key(
+        "unloading_n_over_m",
+        Shape::Rows(None, 2, CURVE),
+        "[[0.0, 0.0], [0.15, 45000.0]]",
+        "The same while the deflection falls; nowhere above the loading branch.",
+        "The mean of both branches is stored, the area between them is lost in one cycle.",
+    ),
+    key(
+        "branch_change_m",
+        Shape::Number(Range::positive(1.0)),
+        "0.001",
+        "Displacement over which the force goes from one branch to the other after a reversal.",
+        "Without effect while both branches agree. Very small needs smaller steps.",
+    ),
+    key(
+        "damping_before_capture_n_s_m",
+        Shape::Number(DAMPING),
+        "4000.0",
+        "Viscous damping until all latches have caught.",
+        "In the soft directions several hundred N·s/m already spoil slow captures.",
+    ),
+    key(
+        "damping_after_capture_n_s_m",
+        Shape::Number(DAMPING),
+        "4000.0",
+        "Viscous damping after capture.",
+        "Larger ends the relative motion sooner.",
+    ),
+    key(
+        "dry_friction_n",
+        Shape::Number(FORCE),
+        "250.0",
+        "Dry friction beside everything else.",
+        "What the channel holds at rest; 0 for none.",
+    ),
+    key(
+        "travel_negative_m",
+        Shape::Number(Range::within(0.0, 5.0)),
+        "0.15",
+        "Travel in the negative direction (axially: compression), to the end stop.",
+        "Beyond it the stop pushes, beyond `limits.overtravel_m` more the run ends.",
+    ),
+    key(
+        "travel_positive_m",
+        Shape::Number(Range::within(0.0, 5.0)),
+        "0.01",
+        "Travel in the positive direction (axially: extension), to the end stop.",
+        "As the negative travel.",
+    ),
+    key(
+        "stop_stiffness_n_m",
+        Shape::Number(STIFFNESS),
+        "1000000.0",
+        "Stiffness of the end stops.",
+        "Larger gives harder blows at the end of the travel.",
+    ),
+    key(
+        "stop_damping_n_s_m",
+        Shape::Number(DAMPING),
+        "2000.0",
+        "Damping of the end stops, reached over the first millimetre of overtravel.",
+        "0 makes the stops elastic.",
+    ),
+];
+
+const ROTATION: &[Key] = &[
+    key(
+        "loading_nm_over_rad",
+        Shape::Rows(None, 2, CURVE),
+        "[[0.0, 0.0], [0.2, 200.0]]",
+        "Moment over deflection while the deflection grows, as points [rad, N·m] (radians, while \
+         travels are degrees); linear between them, extended with the last slope.",
+        "The spring of the channel.",
+    ),
+    key(
+        "unloading_nm_over_rad",
+        Shape::Rows(None, 2, CURVE),
+        "[[0.0, 0.0], [0.2, 200.0]]",
+        "The same while the deflection falls; nowhere above the loading branch.",
+        "The mean of both branches is stored, the area between them is lost in one cycle.",
+    ),
+    key(
+        "branch_change_deg",
+        Shape::Number(Range::positive(90.0)),
+        "0.1",
+        "Rotation over which the moment goes from one branch to the other after a reversal.",
+        "Without effect while both branches agree.",
+    ),
+    key(
+        "damping_before_capture_nm_s_rad",
+        Shape::Number(DAMPING),
+        "60.0",
+        "Viscous damping until all latches have caught.",
+        "Small, so that the ring can turn to the other side.",
+    ),
+    key(
+        "damping_after_capture_nm_s_rad",
+        Shape::Number(DAMPING),
+        "2500.0",
+        "Viscous damping after capture.",
+        "Larger ends the relative rotation sooner.",
+    ),
+    key(
+        "dry_friction_nm",
+        Shape::Number(FORCE),
+        "0.0",
+        "Dry friction beside everything else.",
+        "What the channel holds at rest; 0 for none.",
+    ),
+    key(
+        "travel_negative_deg",
+        Shape::Number(Range::within(0.0, 90.0)),
+        "10.0",
+        "Travel in the negative direction, to the end stop.",
+        "Beyond it the stop pushes, beyond `limits.overtravel_m` (at the ring's radius) the run ends.",
+    ),
+    key(
+        "travel_positive_deg",
+        Shape::Number(Range::within(0.0, 90.0)),
+        "10.0",
+        "Travel in the positive direction, to the end stop.",
+        "As the negative travel.",
+    ),
+    key(
+        "stop_stiffness_nm_rad",
+        Shape::Number(STIFFNESS),
+        "50000.0",
+        "Stiffness of the end stops.",
+        "Larger gives harder blows at the end of the travel.",
+    ),
+    key(
+        "stop_damping_nm_s_rad",
+        Shape::Number(DAMPING),
+        "1000.0",
+        "Damping of the end stops, reached over the first milliradian of overtravel.",
+        "0 makes the stops elastic.",
+    ),
+];
+
+const LATCHES: Group = Group {
+    tables: &[table(
+        "latches",
+        Need::Optional("without it nothing can be captured"),
+        "Three capture latches on the active ring, and their strikers on the passive ring at the points \
+         that meet when docked. Gaps are those of a striker against its latch, in `r3`: axial along X, \
+         radial and tangential at the latch's azimuth.",
+    )],
+    keys: &[
+        key(
+            "azimuths_deg",
+            Shape::List(3, Range::within(-360.0, 360.0)),
+            "[0.0, 120.0, 240.0]",
+            "Azimuths of the latches in `r3`, from +Y toward +Z; 30° or more apart.",
+            "A latch must not stand where a petal of the passive side does when docked.",
+        ),
+        key(
+            "approach_gap_m",
+            Shape::Number(LENGTH),
+            "0.05",
+            "Axial gap below which a latch counts as approached, in a zone four times as wide.",
+            "Only an event in the record. At least `strike_gap_m`.",
+        ),
+        key(
+            "strike_gap_m",
+            Shape::Number(LENGTH),
+            "0.006",
+            "Axial gap below which a latch is struck.",
+            "Only an event in the record. At least `catch_gap_m`.",
+        ),
+        key(
+            "catch_gap_m",
+            Shape::Number(LENGTH),
+            "0.003",
+            "Axial gap at or below which a latch catches.",
+            "Larger captures sooner. All three caught is capture.",
+        ),
+        key(
+            "radial_zone_m",
+            Shape::Number(LENGTH),
+            "0.01",
+            "Half-width of the zone in which it is struck and catches, radially.",
+            "How far off centre the rings may still be.",
+        ),
+        key(
+            "tangential_zone_m",
+            Shape::Number(LENGTH),
+            "0.06",
+            "Half-width of the zone in which it is struck and catches, along the ring.",
+            "At the ring's radius it is the roll within which the latches catch: not below the roll play \
+             of the petals.",
+        ),
+        key(
+            "hold_stiffness_n_m",
+            Shape::Number(STIFFNESS),
+            "1000000.0",
+            "Tension stiffness of one caught latch beyond the catch gap.",
+            "What holds before all three have caught.",
+        ),
+        key(
+            "joined_stiffness_n_m",
+            Shape::Number(STIFFNESS),
+            "1000000.0",
+            "Stiffness of the joined rings, all three points together; each has a third.",
+            "Larger makes the joined rings stiffer, and needs smaller steps.",
+        ),
+        key(
+            "joined_damping_n_s_m",
+            Shape::Number(Range::within(0.0, 1e8)),
+            "1500.0",
+            "Damping of each of the three points.",
+            "0 lets the joined rings swing.",
+        ),
+    ],
+};
+
+const STICK: Group = Group {
+    tables: &[table(
+        "stick",
+        Need::Optional("without it rings and petals touch, as in a docking mechanism"),
+        "The spring stick of the validation test (the paper, 7.4): a rod in a frame. With it the \
+         surfaces of rings and petals do not touch.",
+    )],
+    keys: &[
+        key(
+            "stiffness_n_m",
+            Shape::Number(Range::positive(1e9)),
+            "35400.0",
+            "K of (14).",
+            "With the reduced mass it is the frequency of a row of Table 4.",
+        ),
+        key(
+            "diameter_m",
+            Shape::Number(Range::positive(0.5)),
+            "0.0075",
+            "Diameter d of the rod.",
+            "Free play is (h − d)/2 to either side.",
+        ),
+        key(
+            "frame_opening_m",
+            Shape::Number(Range::positive(1.0)),
+            "0.0275",
+            "Opening h of the frame; above the diameter.",
+            "As the diameter.",
+        ),
+        key(
+            "lever_m",
+            Shape::Number(Range::positive(10.0)),
+            "0.5",
+            "Lever r with which rotations count: stiffness K r², play (h − d)/(2 r).",
+            "With inertia m r² the frequencies of rotations are those of translations.",
+        ),
+    ],
+};
+
+const LIMITS: Group = Group {
+    tables: &[table(
+        "limits",
+        Required,
+        "Passing one of these ends a run as `limit_exceeded`. Loads are those on the passive side about \
+         its ring centre, in `e4`: pushed along +X4 is compression.",
+    )],
+    keys: &[
+        key(
+            "tension_n",
+            Shape::Number(LOAD),
+            "3900.0",
+            "Force along −X4.",
+            "What the latches bear.",
+        ),
+        key(
+            "compression_n",
+            Shape::Number(LOAD),
+            "6500.0",
+            "Force along +X4.",
+            "What rings and attenuator bear. The supervisor of `hil` stops at 1.2 times the largest of the \
+             three forces unless told otherwise.",
+        ),
+        key("shear_n", Shape::Number(LOAD), "3200.0", "Force across X4.", "As compression."),
+        key("torsion_nm", Shape::Number(LOAD), "1500.0", "Moment about X4.", "As compression."),
+        key("bending_nm", Shape::Number(LOAD), "2800.0", "Moment across X4.", "As compression."),
+        key(
+            "depth_m",
+            Shape::Number(Range::positive(0.04)),
+            "0.04",
+            "Deepest contact.",
+            "Beyond 40 mm the surfaces' normals are not to be believed.",
+        ),
+        key(
+            "overtravel_m",
+            Shape::Number(Range::positive(5.0)),
+            "0.05",
+            "How far a channel of the attenuator may be pushed beyond its travel; rotations count at the \
+             ring's mean radius.",
+            "Beyond it the attenuator is broken, not attenuating.",
+        ),
+    ],
+};
+
+const OUTCOME: Group = Group {
+    tables: &[table("outcome", Required, "Thresholds by which a run is judged.")],
+    keys: &[
+        key(
+            "guided_radius_m",
+            Shape::Number(Range::positive(5.0)),
+            "0.1",
+            "Distance sideways of the ring centres within which the petals guide.",
+            "Outside it at closest approach a docking is `missed`, whatever touched.",
+        ),
+        key(
+            "settled_speed_m_s",
+            Shape::Number(Range::positive(1.0)),
+            "0.005",
+            "Relative speed of the ports below which attenuation has ended, or a contact is slow.",
+            "Together with the rate it decides `jammed` and the end of attenuation.",
+        ),
+        key(
+            "settled_rate_deg_s",
+            Shape::Number(Range::positive(60.0)),
+            "0.1",
+            "Relative rate below which attenuation has ended, or a contact is slow.",
+            "As the speed.",
+        ),
+        key(
+            "jam_time_s",
+            Shape::Number(Range::positive(1e4)),
+            "10.0",
+            "Time with one or two latches caught, or in slow contact, after which a docking is jammed.",
+            "Shorter calls a slow capture jammed.",
+        ),
+    ],
+};
+
+// The passive side -----------------------------------------------------------------------------
+
+pub(super) const PASSIVE: &[Group] = &[
+    Group {
+        tables: &[table("", Required, "The file itself.")],
+        keys: &[SCHEMA, kind(&["mechanism_passive"], "\"mechanism_passive\"")],
+    },
+    Group {
+        tables: &[table("placement", Required, "Where the ring stands.")],
+        keys: &[key(
+            "passive_ring_offset_m",
+            Shape::Number(Range::within(0.0, 2.0)),
+            "0.1",
+            "Distance along −X4 from the mounting plane `e4` to the ring's centre circle.",
+            "Origin of `r4`, and part of the docked length. The joint of the URDF's link `ring` must stand \
+             there, turned by 180° about Z.",
+        )],
+    },
+    RING,
+    PETALS,
+];

@@ -1,0 +1,647 @@
+//! Keys of the TOML beside a motion simulator's URDF.
+
+use super::{Group, Key, Need, Need::Required, SCHEMA, Shape, key, names, table, tables};
+use crate::rig::{DeadZoneLaw, HydraulicPreset};
+use crate::toml_check::Range;
+
+const PRESETS: [&str; 3] = names(&HydraulicPreset::WORDS);
+const DEAD_ZONES: [&str; 2] = names(&DeadZoneLaw::WORDS);
+
+const PART: Shape = Shape::Number(Range::within(0.0, 0.9));
+const PAIR: Shape = Shape::List(2, Range::within(0.0, 1e7));
+const POINT: Shape = Shape::List(3, Range::within(-50.0, 50.0));
+
+const fn link(name: &'static str, example: &'static str, meaning: &'static str) -> Key {
+    key(
+        name,
+        Shape::Text("name of a link of the URDF"),
+        example,
+        meaning,
+        "The loader finds the frame and the masses fixed to it by this name.",
+    )
+}
+
+const fn note(name: &'static str, example: &'static str, meaning: &'static str) -> Key {
+    key(
+        name,
+        Shape::Note,
+        example,
+        meaning,
+        "The number stands in the URDF, which has no place for where it comes from.",
+    )
+}
+
+const FREQUENCY: Key = key(
+    "natural_frequency_hz",
+    Shape::Number(Range::within(10.0, 1e5)),
+    "350.0",
+    "Natural frequency of the sensor as a second-order system.",
+    "Lower makes readings later: a delay of about 2 ζ/ω.",
+);
+const DAMPING_RATIO: Key = key(
+    "damping_ratio",
+    Shape::Number(Range::within(0.01, 2.0)),
+    "0.7",
+    "Damping ratio of the same.",
+    "0.7 is the flattest band.",
+);
+const DELAY: Key = key(
+    "delay_s",
+    Shape::Number(Range::within(0.0, 0.005)),
+    "0.0002",
+    "From the load to the reading, beside the sensor's own lag.",
+    "In a contact a late force cannot be told from negative damping: the loop gains energy.",
+);
+const DELAY_SPREAD: Key = key(
+    "delay_spread_s",
+    Shape::Number(Range::within(0.0, 0.005)),
+    "0.0002",
+    "Half-width within which the delay of an emulated sensor is drawn.",
+    "What `rig calibrate` has to find.",
+);
+
+pub(super) const RIG: &[Group] = &[
+    Group {
+        tables: &[table("", Required, "The file itself.")],
+        keys: &[
+            SCHEMA,
+            key(
+                "kind",
+                Shape::Words(&["rig"]),
+                "\"rig\"",
+                "What the file describes.",
+                "Decides which keys are read; `model check` finds the loader by it.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[table("links", Required, "Which link of the URDF is which part of the rig.")],
+        keys: &[
+            link(
+                "ground",
+                "\"ground\"",
+                "Ground of the rig, `eb`: the root; the base joints stand in it.",
+            ),
+            link("rack", "\"rack\"", "Fixed rack, `e0`, that carries the active mechanism."),
+            link(
+                "active_mount",
+                "\"active_mount\"",
+                "Mounting plane of the active mechanism on the rack, `e3`; origin and axes of sensor A.",
+            ),
+            link(
+                "plate",
+                "\"plate\"",
+                "Moving plate, `ep`, on a floating joint; the plate joints stand in it.",
+            ),
+            link(
+                "passive_mount",
+                "\"passive_mount\"",
+                "Mounting plane of the passive mechanism on the plate, `e4`; origin and axes of sensor B.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[table(
+            "numbers",
+            Required,
+            "Notes on the numbers that the URDF holds: `{ source = \"…\" }` or `{ assumed = \"…\" }`, \
+             without a value.",
+        )],
+        keys: &[
+            note(
+                "base_joints",
+                "{ source = \"drawing 12-100\" }",
+                "Where the base joints come from (origins of the six crosses).",
+            ),
+            note(
+                "middle_pose",
+                "{ source = \"drawing 12-100\" }",
+                "Where the plate's pose in the middle comes from (its floating joint).",
+            ),
+            note(
+                "mounts",
+                "{ source = \"drawing 12-101\" }",
+                "Where both mounting planes come from.",
+            ),
+            note(
+                "plate_inertial",
+                "{ source = \"weighed, 2026-11-02\" }",
+                "Where mass, mass centre and inertia of the plate come from.",
+            ),
+            note(
+                "passive_payload_inertial",
+                "{ source = \"weighed, 2026-11-02\" }",
+                "The same of what sensor B carries.",
+            ),
+            note(
+                "active_payload_inertial",
+                "{ source = \"weighed, 2026-11-02\" }",
+                "The same of what sensor A carries.",
+            ),
+            note(
+                "cross_inertial",
+                "{ assumed = \"forged cross of 25 kg\" }",
+                "The same of a leg's cross link.",
+            ),
+            note("cylinder_inertial", "{ source = \"maker's data\" }", "The same of a cylinder."),
+            note("rod_inertial", "{ source = \"maker's data\" }", "The same of a rod."),
+            note(
+                "stroke_m",
+                "{ source = \"maker's data\" }",
+                "Where the strokes come from (limits of the prismatic joints).",
+            ),
+            note(
+                "swing_limit_rad",
+                "{ source = \"maker's data\" }",
+                "Where the limits of the universal joints come from (limits of the revolute joints).",
+            ),
+            note(
+                "leg_speed_m_s",
+                "{ source = \"no-load speed of the valve\" }",
+                "Where the largest speed of a rod comes from (`velocity` of the prismatic joints).",
+            ),
+            note(
+                "leg_force_n",
+                "{ assumed = \"set in the controller to spare the mechanism\" }",
+                "Where the largest force of a rod comes from (`effort` of the prismatic joints).",
+            ),
+        ],
+    },
+    Group {
+        tables: &[table("gravity", Required, "Weight on the rig.")],
+        keys: &[key(
+            "gravity_m_s2",
+            Shape::List(3, Range::within(-30.0, 30.0)),
+            "[-9.81, 0.0, 0.0]",
+            "Gravity in the axes of `eb`.",
+            "Loads the legs and both sensors. Off the docking axis it is flagged.",
+        )],
+    },
+    Group {
+        tables: &[table(
+            "docking_workspace",
+            Required,
+            "The box of relative poses `X_34` that dockings need, up and down from its middle, where \
+             `R_34` = I. The attitude turns about the origin of `e4`.",
+        )],
+        keys: &[
+            key(
+                "middle_p_34_m",
+                Shape::List(3, Range::within(-10.0, 10.0)),
+                "[0.6, 0.0, 0.0]",
+                "`p_34` in the middle, in `e3`.",
+                "The URDF must have the plate there with its joints at zero.",
+            ),
+            key(
+                "axial_m",
+                Shape::Number(Range::positive(5.0)),
+                "0.3",
+                "Half-width along X3.",
+                "A rig that does not reach the box is refused; a larger one costs stroke.",
+            ),
+            key(
+                "lateral_m",
+                Shape::Number(Range::positive(5.0)),
+                "0.3",
+                "Half-width along Y3 and along Z3.",
+                "As along X.",
+            ),
+            key(
+                "roll_deg",
+                Shape::Number(Range::positive(90.0)),
+                "15.0",
+                "Half-width in roll.",
+                "As along X; roll takes the rig nearest to its singular pose.",
+            ),
+            key(
+                "pitch_yaw_deg",
+                Shape::Number(Range::positive(60.0)),
+                "7.0",
+                "Half-width in pitch and in yaw.",
+                "As along X.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[table("legs", Required, "What all six legs have in common, beside the URDF.")],
+        keys: &[
+            key(
+                "dead_length_m",
+                Shape::Number(Range::within(0.0, 10.0)),
+                "0.6",
+                "What a retracted leg is longer than its stroke, at least: piston, glands, joints.",
+                "A stroke that does not fit into the retracted leg is refused.",
+            ),
+            key(
+                "radius_m",
+                Shape::Number(Range::positive(1.0)),
+                "0.18",
+                "Radius of the thickest part of a leg.",
+                "Legs whose axes come nearer than twice this are refused as crossing.",
+            ),
+            key(
+                "length_error_m",
+                Shape::Number(Range::positive(0.1)),
+                "0.0003",
+                "How far a leg's length may be from what the rig believes: sensor, joints, calibration; a \
+                 bound.",
+                "`analyze workspace` makes the positional tolerance of it.",
+            ),
+            key(
+                "ball_limit_deg",
+                Shape::Number(Range::positive(90.0)),
+                "40.0",
+                "Largest angle of the spherical joint from the leg's direction in the middle.",
+                "URDF has no limits for a joint that closes a loop.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[table(
+            "hydraulics",
+            Required,
+            "Oil and cylinder of every leg, (10) and Table 1 of the paper.",
+        )],
+        keys: &[
+            key(
+                "default",
+                Shape::Words(&PRESETS),
+                "\"printed\"",
+                "The oil volume that is meant when none is named.",
+                "Three volumes stand in the file; one of them must be meant.",
+            ),
+            key(
+                "area_m2",
+                Shape::Number(Range::positive(1.0)),
+                "0.06",
+                "Effective piston area A, both sides alike.",
+                "Force per pressure and speed per flow; the oil spring goes with its square.",
+            ),
+            key(
+                "bulk_modulus_pa",
+                Shape::Number(Range::within(1e7, 3e9)),
+                "6.9e8",
+                "Bulk modulus β_e of the oil, air in it included.",
+                "The oil spring goes with it: K_h = 4 β_e A²/V_t.",
+            ),
+            key(
+                "viscous_n_s_m",
+                Shape::Number(Range::within(0.0, 1e6)),
+                "20.0",
+                "Viscous friction B_c of a cylinder.",
+                "Damping of the oil spring; the paper's is small.",
+            ),
+            key(
+                "dead_volume_m3",
+                Shape::Number(Range::within(0.0, 10.0)),
+                "0.006",
+                "Oil that no piston position expels, both chambers and lines to the valve together.",
+                "With area and stroke it is the volume that belongs to the rig; presets that differ are \
+                 flagged.",
+            ),
+        ],
+    },
+    Group {
+        tables: &[
+            table("hydraulics.printed", Required, "Oil volume: Table 1 of the paper as printed."),
+            table("hydraulics.consistent", Required, "Oil volume that fits the stroke."),
+            table(
+                "hydraulics.stiff",
+                Required,
+                "A tenth of the printed volume, with a bypass leak.",
+            ),
+        ],
+        keys: &[
+            key(
+                "total_volume_m3",
+                Shape::Number(Range::positive(10.0)),
+                "0.36",
+                "Total volume V_t.",
+                "Decides the rig's stiffness more than anything else.",
+            ),
+            key(
+                "leakage_m3_s_pa",
+                Shape::Number(Range::within(0.0, 1e-6)),
+                "9e-12",
+                "Total flow–pressure coefficient K_ce.",
+                "Larger damps the oil spring and takes static stiffness.",
+            ),
+        ],
+    },
+    VALVE,
+    FRICTION,
+    Group {
+        tables: &[table(
+            "sensors",
+            Need::Optional("without it there is no loop: `hil` refuses the rig"),
+            "What measures on the rig.",
+        )],
+        keys: &[
+            key(
+                "length_noise_m",
+                Shape::Number(Range::within(0.0, 0.01)),
+                "3e-6",
+                "Standard deviation of a sample of a length sensor.",
+                "Noise in the leg loops and in the measured pose.",
+            ),
+            key(
+                "length_quantum_m",
+                Shape::Number(Range::within(0.0, 0.01)),
+                "1e-6",
+                "Step of a length sensor.",
+                "0 for none.",
+            ),
+            key(
+                "pressure_noise_n",
+                Shape::Number(Range::within(0.0, 1e6)),
+                "40.0",
+                "Standard deviation of a leg's force as its pressure sensors report it.",
+                "Noise in the pressure feedback.",
+            ),
+        ],
+    },
+    FORCE_SENSORS,
+    ACCELEROMETERS,
+    SPREAD,
+    Group {
+        tables: &[tables(
+            "closures",
+            6,
+            "The loops that URDF cannot express: each ties a rod to the plate by a spherical joint.",
+        )],
+        keys: &[
+            key(
+                "rod",
+                Shape::Text("name of a link of the URDF"),
+                "\"rod_0\"",
+                "Link of the rod; each rod once.",
+                "The order of these tables is the order of the legs everywhere.",
+            ),
+            key(
+                "rod_point_m",
+                POINT,
+                "[0.0, 0.0, 0.0]",
+                "The joint in the frame of the rod.",
+                "With the joints of the URDF at zero both points must be one to 1e-6 m.",
+            ),
+            key(
+                "plate_point_m",
+                POINT,
+                "[0.0, 1.231322950651, -1.576021507213]",
+                "The joint in the frame of the plate.",
+                "As above; nine decimals or more.",
+            ),
+        ],
+    },
+];
+
+const VALVE: Group = Group {
+    tables: &[table("valve", Required, "Servo valve and supply of every leg.")],
+    keys: &[
+        key(
+            "natural_frequency_hz",
+            Shape::Number(Range::within(1.0, 1000.0)),
+            "80.0",
+            "Natural frequency of the spool.",
+            "Lower delays every command: about 2 ζ/ω.",
+        ),
+        key(
+            "damping_ratio",
+            Shape::Number(Range::within(0.05, 2.0)),
+            "0.7",
+            "Damping ratio of the spool.",
+            "As the natural frequency.",
+        ),
+        key(
+            "no_load_flow_m3_s",
+            Shape::Number(Range::positive(1.0)),
+            "0.042",
+            "Flow at full spool without load.",
+            "Over the piston area it is the fastest speed of a rod.",
+        ),
+        key(
+            "slew_full_strokes_per_s",
+            Shape::Number(Range::within(0.1, 1e4)),
+            "10.0",
+            "Fastest motion of the spool, full strokes per second.",
+            "Limits amplitude at high frequency.",
+        ),
+        key(
+            "null_bias",
+            Shape::Number(Range::within(-0.1, 0.1)),
+            "0.0",
+            "Spool position at zero command, as a part of full stroke.",
+            "Makes legs creep; 0.003 looks like 2 to 12 ms of delay at docking speeds.",
+        ),
+        key(
+            "supply_pressure_pa",
+            Shape::Number(Range::within(1e5, 5e7)),
+            "1.0e7",
+            "Supply over return pressure.",
+            "Over the load pressure it is how far flow depends on load.",
+        ),
+        key(
+            "dead_time_s",
+            Shape::Number(Range::within(0.0, 0.1)),
+            "0.002",
+            "From a command to the valve.",
+            "The part of the rig's delay that no controller takes back.",
+        ),
+    ],
+};
+
+const FRICTION: Group = Group {
+    tables: &[table(
+        "friction",
+        Required,
+        "Friction of a leg's seals, a bristle after LuGre (Canudas de Wit et al. 1995).",
+    )],
+    keys: &[
+        key(
+            "coulomb_n",
+            Shape::Number(Range::within(0.0, 1e5)),
+            "500.0",
+            "Friction while sliding.",
+            "Where the rig differs most from a linear one at small amplitudes.",
+        ),
+        key(
+            "static_n",
+            Shape::Number(Range::within(0.0, 1e5)),
+            "650.0",
+            "Break-away friction, at least the sliding one.",
+            "Makes a leg stick at reversals.",
+        ),
+        key(
+            "stribeck_velocity_m_s",
+            Shape::Number(Range::positive(1.0)),
+            "0.005",
+            "Speed at which the excess of the break-away friction has faded to 1/e.",
+            "As the break-away friction.",
+        ),
+        key(
+            "bristle_n_m",
+            Shape::Number(Range::positive(1e12)),
+            "1.0e7",
+            "Stiffness of the bristle.",
+            "Break-away friction over it is the presliding displacement.",
+        ),
+        key(
+            "bristle_damping_n_s_m",
+            Shape::Number(Range::within(0.0, 1e9)),
+            "3.0e4",
+            "Damping of the bristle.",
+            "Lets the bristle follow without ringing.",
+        ),
+    ],
+};
+
+const FORCE_SENSORS: Group = Group {
+    tables: &[table(
+        "sensors.force",
+        Need::Where("[sensors] is there"),
+        "Both force–torque sensors, alike: A under the active mechanism (origin and axes of `e3`), B \
+         over the passive one (`e4`). Pairs are of force and moment.",
+    )],
+    keys: &[
+        FREQUENCY,
+        DAMPING_RATIO,
+        key(
+            "noise_n_nm",
+            PAIR,
+            "[0.3, 0.15]",
+            "Standard deviation of a sample.",
+            "Decides from which force on a contact is seen.",
+        ),
+        key(
+            "drift_per_s_n_nm",
+            PAIR,
+            "[0.01, 0.005]",
+            "Drift of the zero per second.",
+            "Adds up in the momentum of the pair over minutes.",
+        ),
+        key(
+            "dead_zone_n_nm",
+            PAIR,
+            "[0.5, 0.25]",
+            "Threshold below which a reading is zero.",
+            "Hides the beginning of a soft contact.",
+        ),
+        key(
+            "dead_zone_law",
+            Shape::Words(&DEAD_ZONES),
+            "\"zeroing\"",
+            "What happens above the threshold: readings pass whole, or less the threshold.",
+            "`subtractive` acts like a larger gap at the contact.",
+        ),
+        key("quantum_n_nm", PAIR, "[0.1, 0.05]", "Step of a reading.", "0 for none."),
+        key(
+            "range_n_nm",
+            PAIR,
+            "[40000.0, 20000.0]",
+            "End of the range.",
+            "A reading at its end stops the rig.",
+        ),
+        DELAY,
+        DELAY_SPREAD,
+        key(
+            "zero_spread_n_nm",
+            PAIR,
+            "[20.0, 10.0]",
+            "Half-width within which the zero of an emulated sensor is drawn.",
+            "What the tare before every run has to find.",
+        ),
+    ],
+};
+
+const ACCELEROMETERS: Group = Group {
+    tables: &[table(
+        "sensors.accelerometer",
+        Need::Optional(
+            "without it `loop.sensors = \"two\"` takes inertia off by the commanded motion",
+        ),
+        "Accelerometers on the plate beside sensor B: specific force (acceleration less gravity) and \
+         angular acceleration at the origin of `e4`, in its axes. Pairs are of both.",
+    )],
+    keys: &[
+        FREQUENCY,
+        DAMPING_RATIO,
+        key(
+            "noise_m_s2_rad_s2",
+            PAIR,
+            "[0.0007, 0.0005]",
+            "Standard deviation of a sample.",
+            "Times the carried mass it is noise in the force of contact.",
+        ),
+        key("quantum_m_s2_rad_s2", PAIR, "[0.0001, 0.0001]", "Step of a reading.", "0 for none."),
+        key(
+            "range_m_s2_rad_s2",
+            PAIR,
+            "[50.0, 50.0]",
+            "End of the range.",
+            "With two sensors a reading at its end stops the rig.",
+        ),
+        DELAY,
+        DELAY_SPREAD,
+        key(
+            "zero_spread_m_s2_rad_s2",
+            PAIR,
+            "[0.04, 0.04]",
+            "Half-width within which the zero of an emulated accelerometer is drawn.",
+            "What the tare has to find.",
+        ),
+    ],
+};
+
+const SPREAD: Group = Group {
+    tables: &[table(
+        "spread",
+        Required,
+        "Half-widths within which an emulated rig is drawn away from this file (`--perturb`, `--seed`); \
+         the loop goes on believing the file.",
+    )],
+    keys: &[
+        key(
+            "flow_gain",
+            PART,
+            "0.05",
+            "Of the valves' flow gain, relative.",
+            "A leg that is too fast or slow.",
+        ),
+        key(
+            "null_bias",
+            Shape::Number(Range::within(0.0, 0.1)),
+            "0.003",
+            "Of the valves' null bias, parts of full stroke.",
+            "A leg that creeps.",
+        ),
+        key(
+            "friction",
+            PART,
+            "0.5",
+            "Of both frictions, relative.",
+            "Seals change with pressure and age.",
+        ),
+        key("bulk_modulus", PART, "0.1", "Of the bulk modulus, relative.", "Dissolved air."),
+        key(
+            "plate_mass",
+            PART,
+            "0.03",
+            "Of the plate's mass and inertia, relative.",
+            "Mass as built.",
+        ),
+        key(
+            "valve_frequency",
+            PART,
+            "0.05",
+            "Of the spool's natural frequency, relative.",
+            "Delay of the legs.",
+        ),
+        key(
+            "dead_time_s",
+            Shape::Number(Range::within(0.0, 0.1)),
+            "0.0005",
+            "Of the dead time.",
+            "Delay of the whole rig, which the lead must match.",
+        ),
+    ],
+};
