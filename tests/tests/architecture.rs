@@ -26,7 +26,18 @@ const UNCHECKED: [&str; 4] = [
 const NEVER: [(&str, &[&str], &[&str]); 9] = [
     ("the command line", &["clap*"], &["clap::"]),
     ("rapier", &["rapier*"], &["rapier3d"]),
-    ("rerun", &["rerun*", "re_*"], &["rerun::"]),
+    (
+        "rerun",
+        &["rerun*", "re_*"],
+        &[
+            "rerun::",
+            "re_chunk",
+            "re_log_encoding",
+            "re_log_types",
+            "re_sdk_types",
+            "re_grpc_client",
+        ],
+    ),
     ("files", &["tempfile", "memmap*"], &["std::fs", "fs::", "File::", "OpenOptions"]),
     (
         "clocks",
@@ -49,7 +60,7 @@ const NEVER: [(&str, &[&str], &[&str]); 9] = [
 
 /// Engines that only one room may name, and that room.
 const ONLY: [(&str, &str); 3] =
-    [("rapier*", "docktwin-twin"), ("rerun*", "docktwin-view"), ("parry*", "docktwin-physics")];
+    [("rapier*", "docktwin-twin"), ("re_*", "docktwin-view"), ("parry*", "docktwin-physics")];
 
 /// What makes a result depend on more than its inputs.
 const UNREPEATABLE: [&str; 4] = ["HashMap", "HashSet", "RandomState", "DefaultHasher"];
@@ -344,6 +355,8 @@ fn invariant_a_breach_is_seen() {
     assert_eq!(breaches(&with("docktwin-record"), room).len(), 1);
     assert_eq!(breaches(&with("rapier3d-f64"), room).len(), 1);
     assert_eq!(breaches(&with("jiff"), room).len(), 1);
+    let unseen = &self::rooms("| `docktwin-y` | what it does | core | rerun |")["docktwin-y"];
+    assert_eq!(breaches(&with("re_chunk"), unseen).len(), 1);
     // The sources of the command line read a clock.
     let line = packages().into_iter().find(|p| p.name == "docktwin").expect("the command line");
     assert!(breaches(&line, room).iter().any(|b| b.contains("clocks")));

@@ -1,7 +1,9 @@
 //! Tasks of the project: `cargo xtask test`, `cargo xtask meshes`, `cargo xtask docs`,
 //! `cargo xtask docs-tables`.
 
+mod deny;
 mod gate;
+mod python;
 mod scenarios;
 mod shell;
 mod validation;
@@ -31,7 +33,7 @@ Examples:
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Everything CI checks: format, lints, docs, tests, every scenario, replay, MuJoCo
+    /// Everything CI checks: format, dependencies, lints, docs, tests, every scenario, replay, MuJoCo
     ///
     /// Stops at the first step that fails. The last line counts the steps: `N passed, N failed`.
     Test {
@@ -81,12 +83,8 @@ fn docs_tables(root: &Path) -> Result<(), String> {
     Ok(())
 }
 
+/// By an example of the model crate, so that no engine is built before the gate can begin.
 fn meshes(root: &Path) -> Result<(), String> {
-    let written = docktwin_model::mesh::write_all(&root.join("models/urdf"), &root.join("meshes"))
-        .map_err(|e| e.to_string())?;
-    for path in &written {
-        println!("{}", path.strip_prefix(root).unwrap_or(path).display());
-    }
-    println!("{} meshes written", written.len());
-    Ok(())
+    let example = ["run", "--quiet", "--package", "docktwin-model", "--example", "meshes"];
+    shell::run(&mut shell::cargo(root, &example))
 }

@@ -64,6 +64,32 @@ fn invariant_a_recording_shows_the_same_afterwards_as_live() {
     assert!(!last(&later).starts_with("150000000 "));
 }
 
+/// rerun's file writer keeps to itself that the end of its file did not fit on the disk.
+#[cfg(target_os = "linux")]
+#[test]
+fn invariant_a_recording_without_its_end_is_an_error() {
+    let at = tempfile::tempdir().expect("a folder");
+    let run = at.path().join("run");
+    rehearse("apas_fast", "1.2", &run);
+    let whole = std::fs::metadata(run.join("run.rrd")).expect("recorded").len();
+    let save = |kib: u64| {
+        // Counts in KiB in bash; without the trap a signal would end the process.
+        let script = format!(
+            "trap '' XFSZ; ulimit -f {kib}; exec '{}' view '{}' --save '{}'",
+            env!("CARGO_BIN_EXE_docktwin"),
+            run.display(),
+            at.path().join("again.rrd").display()
+        );
+        Command::new("bash").args(["-c", &script]).output().expect("bash starts")
+    };
+    // The table of contents at the end takes more than that.
+    let cut = save((whole - 4096) / 1024);
+    assert_eq!(cut.status.code(), Some(2), "{}", said(&cut));
+    assert!(said(&cut).contains("its end is missing; free some space"), "{}", said(&cut));
+    let enough = save(2 * whole / 1024);
+    assert!(enough.status.success(), "{}", said(&enough));
+}
+
 #[test]
 fn invariant_two_runs_share_a_picture_only_with_one_mechanism() {
     let at = tempfile::tempdir().expect("a folder");

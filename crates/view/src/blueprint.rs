@@ -4,22 +4,23 @@
 //! a 3-D view its eye, its background or its grid.
 
 use docktwin_core::{DVec3, StateHasher};
-use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
-use rerun::external::re_sdk_types::blueprint::archetypes::{
+use re_chunk::ChunkError;
+use re_sdk_types::AsComponents;
+use re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint,
     PlotLegend, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents,
     ViewportBlueprint,
 };
-use rerun::external::re_sdk_types::blueprint::components::{
+use re_sdk_types::blueprint::components::{
     BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LinkAxis,
     PanelState, PlayState, RootContainer, RowShare, TextLogColumn, TimelineColumn,
 };
-use rerun::external::re_sdk_types::blueprint::datatypes as bp_datatypes;
-use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
+use re_sdk_types::blueprint::datatypes as bp_datatypes;
 
 use crate::eye::Eye;
 use crate::mesh::f32x3;
 use crate::paths;
+use crate::stream::{self, Sent, Stream};
 
 /// Where a view keeps what it does with one entity; hulls would catch every click.
 const CHASER_HULL: &str = "ViewContents/overrides/scene/chaser/hull/visualizers";
@@ -287,11 +288,7 @@ fn uuid(number: u32, what: &str) -> (String, [u8; 16]) {
 
 impl Node {
     /// Logs the part and what it holds; gives its path and id.
-    fn log(
-        &self,
-        rec: &RecordingStream,
-        next: &mut u32,
-    ) -> RecordingStreamResult<(String, [u8; 16])> {
+    fn log(&self, rec: &stream::Layout, next: &mut u32) -> Result<(String, [u8; 16]), ChunkError> {
         let (id, bytes) = match self {
             Self::View { class, name, origin, .. } => {
                 uuid(*next, &format!("{class} {name} {origin}"))
@@ -339,45 +336,26 @@ impl Node {
 }
 
 /// Stores the layout in the recording and makes it the active one.
-pub(crate) fn send(
-    rec: &RecordingStream,
-    application: &'static str,
-    layout: &Layout,
-) -> RecordingStreamResult<()> {
-    let (blueprint, storage) = RecordingStreamBuilder::new(application)
-        .recording_id(RecordingId::random())
-        .enabled(true)
-        .blueprint()
-        .memory()?;
-    blueprint.set_time_sequence("blueprint", 0);
-    let (_, root) = layout.0.log(&blueprint, &mut 0)?;
-    blueprint.log(
-        "viewport",
-        &ViewportBlueprint::new()
-            .with_root_container(RootContainer(root.into()))
-            .with_auto_layout(false)
-            .with_auto_views(false),
-    )?;
-    for panel in ["blueprint_panel", "selection_panel"] {
-        blueprint.log(panel, &PanelBlueprint::new().with_state(PanelState::Collapsed))?;
-    }
-    blueprint.log(
-        "time_panel",
-        &TimePanelBlueprint::new()
-            .with_state(PanelState::Collapsed)
-            .with_timeline(paths::TIMELINE)
-            // Opens at the end, where peaks and trace sum up the run.
-            .with_play_state(PlayState::Following),
-    )?;
-    let messages = storage.take();
-    let id = messages.iter().find_map(|m| match m {
-        LogMsg::SetStoreInfo(info) => Some(info.info.store_id.clone()),
-        _ => None,
-    });
-    if let Some(blueprint_id) = id {
-        let activation =
-            BlueprintActivationCommand { blueprint_id, make_active: true, make_default: true };
-        rec.send_blueprint(messages, activation);
-    }
-    Ok(())
+pub(crate) fn send(rec: &Stream, layout: &Layout) -> Sent {
+    rec.layout(|rec| {
+        let (_, root) = layout.0.log(rec, &mut 0)?;
+        rec.log(
+            "viewport",
+            &ViewportBlueprint::new()
+                .with_root_container(RootContainer(root.into()))
+                .with_auto_layout(false)
+                .with_auto_views(false),
+        )?;
+        for panel in ["blueprint_panel", "selection_panel"] {
+            rec.log(panel, &PanelBlueprint::new().with_state(PanelState::Collapsed))?;
+        }
+        rec.log(
+            "time_panel",
+            &TimePanelBlueprint::new()
+                .with_state(PanelState::Collapsed)
+                .with_timeline(paths::TIMELINE)
+                // Opens at the end, where peaks and trace sum up the run.
+                .with_play_state(PlayState::Following),
+        )
+    })
 }

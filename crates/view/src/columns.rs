@@ -1,23 +1,25 @@
 //! Rows gathered in memory and sent as columns: a hundred times cheaper than logging them singly.
 
 use docktwin_core::{DVec3, Pose};
-use rerun::{
-    Arrows3D, LineStrip3D, LineStrips3D, Points3D, Radius, RecordingStream, Scalars,
-    SerializedComponentColumn, StateChange, TextDocument, TextLog, TimeColumn, Transform3D,
+use re_sdk_types::SerializedComponentColumn;
+use re_sdk_types::archetypes::{
+    Arrows3D, LineStrips3D, Points3D, Scalars, StateChange, TextDocument, TextLog, Transform3D,
 };
+use re_sdk_types::components::{LineStrip3D, MediaType, Radius};
+use re_sdk_types::datatypes::Quaternion;
 
 use crate::mesh::f32x3;
-use crate::{ViewError, paths, style};
+use crate::stream::Stream;
+use crate::{ViewError, style};
 
 fn send<E: core::fmt::Display, I: Iterator<Item = SerializedComponentColumn>>(
-    rec: &RecordingStream,
+    rec: &Stream,
     path: &str,
     times: &[i64],
     columns: Result<I, E>,
 ) -> Result<(), ViewError> {
     let columns = columns.map_err(|e| ViewError::encode(path, e))?;
-    let index = TimeColumn::new_duration_nanos(paths::TIMELINE, times.iter().copied());
-    rec.send_columns(path, [index], columns).map_err(|e| ViewError::encode(path, e))
+    rec.send_columns(path, times, columns).map_err(|e| ViewError::encode(path, e))
 }
 
 /// Poses of one entity.
@@ -35,11 +37,11 @@ impl Poses {
         self.q.push(pose.q.as_quat().to_array());
     }
 
-    pub(crate) fn send(&mut self, rec: &RecordingStream, path: &str) -> Result<(), ViewError> {
+    pub(crate) fn send(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
         if self.times.is_empty() {
             return Ok(());
         }
-        let q = self.q.drain(..).map(rerun::Quaternion::from_xyzw);
+        let q = self.q.drain(..).map(Quaternion::from_xyzw);
         let columns = Transform3D::update_fields()
             .with_many_translation(self.p.drain(..))
             .with_many_quaternion(q)
@@ -63,7 +65,7 @@ impl Curves {
         self.values.extend_from_slice(values);
     }
 
-    pub(crate) fn send(&mut self, rec: &RecordingStream, path: &str) -> Result<(), ViewError> {
+    pub(crate) fn send(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
         if self.times.is_empty() {
             return Ok(());
         }
@@ -108,7 +110,7 @@ impl Arrows {
 
     pub(crate) fn send(
         &mut self,
-        rec: &RecordingStream,
+        rec: &Stream,
         path: &str,
         radius_ui_points: f32,
     ) -> Result<(), ViewError> {
@@ -147,7 +149,7 @@ impl Points {
 
     pub(crate) fn send(
         &mut self,
-        rec: &RecordingStream,
+        rec: &Stream,
         path: &str,
         radius: Radius,
     ) -> Result<(), ViewError> {
@@ -194,7 +196,7 @@ impl Labels {
     }
 
     /// Texts go to `path/text`, lines to `path/line`.
-    pub(crate) fn send(&mut self, rec: &RecordingStream, path: &str) -> Result<(), ViewError> {
+    pub(crate) fn send(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
         if self.times.is_empty() {
             return Ok(());
         }
@@ -237,7 +239,7 @@ impl Legs {
 
     pub(crate) fn send(
         &mut self,
-        rec: &RecordingStream,
+        rec: &Stream,
         path: &str,
         radius_m: f32,
     ) -> Result<(), ViewError> {
@@ -270,28 +272,20 @@ impl Texts {
         self.texts.push(text);
     }
 
-    pub(crate) fn send_states(
-        &mut self,
-        rec: &RecordingStream,
-        path: &str,
-    ) -> Result<(), ViewError> {
+    pub(crate) fn send_states(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
         let texts = StateChange::new().with_state(self.texts.drain(..));
         self.finish(rec, path, texts.columns_of_unit_batches())
     }
 
-    pub(crate) fn send_markdown(
-        &mut self,
-        rec: &RecordingStream,
-        path: &str,
-    ) -> Result<(), ViewError> {
-        let media = vec![rerun::MediaType::markdown(); self.texts.len()];
+    pub(crate) fn send_markdown(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
+        let media = vec![MediaType::markdown(); self.texts.len()];
         let texts = TextDocument::update_fields()
             .with_many_text(self.texts.drain(..))
             .with_many_media_type(media);
         self.finish(rec, path, texts.columns_of_unit_batches())
     }
 
-    pub(crate) fn send_log(&mut self, rec: &RecordingStream, path: &str) -> Result<(), ViewError> {
+    pub(crate) fn send_log(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
         let texts = TextLog::update_fields()
             .with_many_text(self.texts.drain(..))
             .with_many_level(self.levels.drain(..));
@@ -300,7 +294,7 @@ impl Texts {
 
     fn finish<E: core::fmt::Display>(
         &mut self,
-        rec: &RecordingStream,
+        rec: &Stream,
         path: &str,
         columns: Result<impl Iterator<Item = SerializedComponentColumn>, E>,
     ) -> Result<(), ViewError> {

@@ -14,7 +14,7 @@ pub enum ViewError {
         path: PathBuf,
         /// What rerun said.
         #[source]
-        source: Box<rerun::RecordingStreamError>,
+        source: Box<re_log_encoding::FileSinkError>,
     },
     /// The file could not be written to its end: most often the disk is full.
     #[error(
@@ -37,6 +37,16 @@ pub enum ViewError {
         url: String,
         /// What rerun said.
         message: String,
+    },
+    /// This build cannot speak to a viewer: it was made without the cargo feature `live`.
+    #[error(
+        "cannot show the run at {url}: this docktwin was built with --no-default-features, without \
+         the live view; build it with the live view: cargo build --release --features live, or run \
+         without --live and look at run.rrd afterwards"
+    )]
+    WithoutLive {
+        /// Address that was asked for.
+        url: String,
     },
     /// A frame or event that cannot be drawn; nothing of it was written, the recording goes on.
     #[error("frame at {time_s} s is not recorded: {}", problems.join("; "))]

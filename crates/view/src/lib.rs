@@ -40,6 +40,7 @@ mod mesh;
 mod paths;
 mod rig;
 mod scene;
+mod stream;
 mod style;
 mod whole;
 mod writer;

@@ -5,15 +5,13 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Pose, SimTime};
 use docktwin_model::{DockingWorkspace, Leg, Rig};
-use rerun::{
-    LineStrips3D, Mesh3D, Points3D, Radius, RecordingStream, RecordingStreamBuilder,
-    RecordingStreamResult, SeriesLines,
-};
+use re_sdk_types::archetypes::{LineStrips3D, Mesh3D, Points3D, SeriesLines};
+use re_sdk_types::components::Radius;
 
 use crate::columns::{Curves, Legs, Points, Poses, Texts};
 use crate::mesh::{Mesh, f32x3};
 use crate::scene::{log_mesh, transform};
-use crate::writer::{APPLICATION, flush};
+use crate::stream::{Sent, Stream};
 use crate::{ViewError, blueprint, paths, style};
 
 /// Legs in plots.
@@ -28,7 +26,7 @@ const SHORT: f64 = 0.1;
 
 /// Writes the recording of a motion simulator, in its ground frame `eb`.
 pub struct RigWriter {
-    rec: RecordingStream,
+    rec: Stream,
     path: PathBuf,
     rig: Rig,
     plate: Poses,
@@ -78,18 +76,13 @@ impl RigWriter {
         rig: &Rig,
         reach_m: impl Fn(DVec3) -> f64,
     ) -> Result<Self, ViewError> {
-        let create = |source| ViewError::Create { path: path.to_owned(), source: Box::new(source) };
-        let rec = RecordingStreamBuilder::new(APPLICATION)
-            .recording_name(rig.name.as_str())
-            .enabled(true)
-            .save(path)
-            .map_err(create)?;
+        let rec = Stream::create(path, &rig.name)?;
         let middle = rig.middle();
         let reach = rig.legs.iter().map(|l| l.base_joint_m().length()).fold(1.0, f64::max);
         let target = 0.5 * middle.p + DVec3::X * 0.3 * reach;
         let eye = target + DVec3::new(0.55, -1.5, 0.9) * reach;
-        let write = || -> RecordingStreamResult<()> {
-            blueprint::send(&rec, APPLICATION, &blueprint::rig(eye, target))?;
+        let write = || -> Sent {
+            blueprint::send(&rec, &blueprint::rig(eye, target))?;
             log_static(&rec, rig, &reach_m)
         };
         write().map_err(|e| ViewError::encode(paths::RIG, e))?;
@@ -203,21 +196,11 @@ impl RigWriter {
         self.room.send(rec, paths::RIG_ROOM)?;
         self.force.send(rec, paths::RIG_FORCE)?;
         self.text.send_markdown(rec, paths::RIG_TEXT)?;
-        if let Err(e) = flush(rec, &self.path) {
-            // As in `SceneWriter::finish`: dropping the stream could wait for ever.
-            core::mem::forget(self);
-            return Err(e);
-        }
-        rec.finalize_deferred_sinks();
-        Ok(())
+        self.rec.close(&self.path)
     }
 }
 
-fn log_static(
-    rec: &RecordingStream,
-    rig: &Rig,
-    reach_m: &impl Fn(DVec3) -> f64,
-) -> RecordingStreamResult<()> {
+fn log_static(rec: &Stream, rig: &Rig, reach_m: &impl Fn(DVec3) -> f64) -> Sent {
     let x_b3 = rig.x_b0 * rig.x_03;
     let disc = |thickness: f64| {
         let r = PORT_RADIUS_M;
@@ -275,13 +258,7 @@ fn log_static(
     Ok(())
 }
 
-fn lines(
-    rec: &RecordingStream,
-    path: &str,
-    strips: Vec<Vec<[f32; 3]>>,
-    colour: u32,
-    radius_m: f32,
-) -> RecordingStreamResult<()> {
+fn lines(rec: &Stream, path: &str, strips: Vec<Vec<[f32; 3]>>, colour: u32, radius_m: f32) -> Sent {
     let strips = LineStrips3D::new(strips)
         .with_radii([Radius::new_scene_units(radius_m)])
         .with_colors([colour]);

@@ -6,13 +6,16 @@ use docktwin_core::{DQuat, DVec3, Pose};
 use docktwin_model::{
     Attenuator, DockingMechanism, PetalGeometry, RingGeometry, SideGeometry, Spacecraft,
 };
-use rerun::{
-    Arrows3D, LineStrips3D, Mesh3D, Points3D, Radius, RecordingStream, RecordingStreamResult,
-    SeriesLines, StateConfiguration, Transform3D, TransformAxes3D, ViewCoordinates,
+use re_sdk_types::archetypes::{
+    Arrows3D, LineStrips3D, Mesh3D, Points3D, SeriesLines, StateConfiguration, Transform3D,
+    TransformAxes3D, ViewCoordinates,
 };
+use re_sdk_types::components::Radius;
+use re_sdk_types::datatypes::Quaternion;
 
 use crate::eye::{Eye, reach};
 use crate::mesh::{Mesh, f32x3};
+use crate::stream::{Sent, Stream};
 use crate::style::{self, PairClass};
 use crate::{SceneModel, paths};
 
@@ -22,7 +25,7 @@ const HALF_TURN_Z: DQuat = DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0);
 pub(crate) fn transform(pose: &Pose) -> Transform3D {
     Transform3D::from_translation_rotation(
         f32x3(pose.p),
-        rerun::Quaternion::from_xyzw(pose.q.as_quat().to_array()),
+        Quaternion::from_xyzw(pose.q.as_quat().to_array()),
     )
 }
 
@@ -46,12 +49,7 @@ fn hull(s: &Spacecraft, port_radius_m: f64) -> Mesh {
     ])
 }
 
-pub(crate) fn log_mesh(
-    rec: &RecordingStream,
-    path: &str,
-    mesh: Mesh,
-    colour: u32,
-) -> RecordingStreamResult<()> {
+pub(crate) fn log_mesh(rec: &Stream, path: &str, mesh: Mesh, colour: u32) -> Sent {
     rec.log_static(
         path,
         &Mesh3D::new(mesh.positions)
@@ -61,13 +59,7 @@ pub(crate) fn log_mesh(
     )
 }
 
-fn log_side(
-    rec: &RecordingStream,
-    path: &str,
-    side: &SideGeometry,
-    colour: u32,
-    glass: u32,
-) -> RecordingStreamResult<()> {
+fn log_side(rec: &Stream, path: &str, side: &SideGeometry, colour: u32, glass: u32) -> Sent {
     log_mesh(rec, &format!("{path}/ring"), Mesh::torus(&side.ring), glass)?;
     log_edges(rec, &format!("{path}/ring/edges"), torus_edges(&side.ring), colour)?;
     if let Some(petals) = &side.petals {
@@ -80,12 +72,7 @@ fn log_side(
     Ok(())
 }
 
-fn log_edges(
-    rec: &RecordingStream,
-    path: &str,
-    edges: Vec<Vec<[f32; 3]>>,
-    colour: u32,
-) -> RecordingStreamResult<()> {
+fn log_edges(rec: &Stream, path: &str, edges: Vec<Vec<[f32; 3]>>, colour: u32) -> Sent {
     let edges =
         LineStrips3D::new(edges).with_radii([Radius::new_ui_points(0.9)]).with_colors([colour]);
     rec.log_static(path, &edges)
@@ -119,12 +106,12 @@ pub(crate) fn petal_count(side: &SideGeometry) -> usize {
 
 /// Short names of the petals, "A1" and "P1'", at their middles.
 fn log_petal_names(
-    rec: &RecordingStream,
+    rec: &Stream,
     path: &str,
     side: &SideGeometry,
     name: impl Fn(u32) -> String,
     colour: u32,
-) -> RecordingStreamResult<()> {
+) -> Sent {
     let Some(g) = &side.petals else { return Ok(()) };
     let middle = |i| {
         let [base, tip] = g.ruling(i, 0.0);
@@ -177,11 +164,7 @@ pub(crate) fn legs(m: &DockingMechanism) -> Vec<[DVec3; 2]> {
 }
 
 /// Logs all that does not change. `compared` names the curves as those of run A.
-pub(crate) fn log_static(
-    rec: &RecordingStream,
-    s: &SceneModel<'_>,
-    compared: bool,
-) -> RecordingStreamResult<()> {
+pub(crate) fn log_static(rec: &Stream, s: &SceneModel<'_>, compared: bool) -> Sent {
     let m = s.mechanism;
     rec.log_static(paths::SCENE, &ViewCoordinates::FLU())?;
 
@@ -235,7 +218,7 @@ pub(crate) fn log_static(
 }
 
 /// The same for the run behind the other one: its mechanism in grey, its curves paler.
-pub(crate) fn log_ghost(rec: &RecordingStream, s: &SceneModel<'_>) -> RecordingStreamResult<()> {
+pub(crate) fn log_ghost(rec: &Stream, s: &SceneModel<'_>) -> Sent {
     let m = s.mechanism;
     let glass = style::faded(style::GHOST, style::GHOST_GLASS);
     let at = |path: &str| paths::of_ghost(path);
@@ -254,10 +237,7 @@ fn passive_ring(m: &DockingMechanism) -> Pose {
         * Pose::new(DVec3::ZERO, HALF_TURN_Z)
 }
 
-fn log_latch_lanes(
-    rec: &RecordingStream,
-    at: impl Fn(String) -> String,
-) -> RecordingStreamResult<()> {
+fn log_latch_lanes(rec: &Stream, at: impl Fn(String) -> String) -> Sent {
     for i in 0..3 {
         rec.log_static(
             at(paths::latch_state(i)),
@@ -272,11 +252,7 @@ fn log_latch_lanes(
 
 /// Scale and colours of the arrows. The scale is as far from the eye as the mechanism, so that it is
 /// as large as the forces; the classes are nearer, at the lower edge of the view.
-fn log_legend(
-    rec: &RecordingStream,
-    s: &SceneModel<'_>,
-    compared: bool,
-) -> RecordingStreamResult<()> {
+fn log_legend(rec: &Stream, s: &SceneModel<'_>, compared: bool) -> Sent {
     let m = s.mechanism;
     let eye = Eye::new(m);
     rec.log_static(
@@ -320,13 +296,13 @@ fn log_legend(
 }
 
 fn log_series(
-    rec: &RecordingStream,
+    rec: &Stream,
     m: &DockingMechanism,
     at: impl Fn(&str) -> String,
     prefix: &str,
     shade: impl Fn(u32) -> u32,
     width: f32,
-) -> RecordingStreamResult<()> {
+) -> Sent {
     let log = |path: &str, names: &[&str], colours: &[u32]| {
         rec.log_static(
             at(path),

@@ -2,9 +2,9 @@ use std::collections::BTreeMap;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use rerun::external::re_log_encoding::{Decodable as _, DecoderApp, StreamFooter};
-use rerun::external::re_log_types::LogMsg;
-use rerun::log::Chunk;
+use re_chunk::Chunk;
+use re_log_encoding::{Decodable as _, DecoderApp, StreamFooter};
+use re_log_types::LogMsg;
 
 /// Calls `look` with every message; the first error ends it.
 fn each(path: &Path, mut look: impl FnMut(LogMsg) -> Result<(), String>) -> Result<(), String> {
@@ -24,7 +24,8 @@ pub fn is_whole(path: &Path) -> bool {
     has_footer(path) && each(path, |_| Ok(())).is_ok()
 }
 
-fn has_footer(path: &Path) -> bool {
+/// Whether the file ends as a recording that was closed does.
+pub(crate) fn has_footer(path: &Path) -> bool {
     let footer = || -> std::io::Result<Vec<u8>> {
         let mut file = std::fs::File::open(path)?;
         let size = i64::try_from(StreamFooter::ENCODED_SIZE_BYTES).unwrap_or(i64::MAX);

@@ -4,22 +4,17 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Pose, SimTime};
 use docktwin_model::{DockingMechanism, Spacecraft};
-use rerun::{Radius, RecordingStream, RecordingStreamBuilder};
+use re_sdk_types::components::Radius;
 
 use crate::columns::{Arrows, Curves, Labels, Legs, Points, Poses, Texts};
 use crate::eye::{Eye, HALF_HEIGHT, reach};
 use crate::mesh::f32x3;
+use crate::stream::Stream;
 use crate::style::{self, PairClass};
 use crate::{ViewError, blueprint, paths, scene};
 
-/// Name under which the viewer keeps its own changes to the layout.
-pub(crate) const APPLICATION: &str = "docktwin";
 /// Frames sent together; more is cheaper, fewer lose less when the process dies.
 const BATCH: usize = 256;
-/// How long the last frames may take to their file.
-const FLUSH_LIMIT: core::time::Duration = core::time::Duration::from_secs(60);
-/// How long a viewer may take to answer at first.
-const CONNECT_LIMIT: core::time::Duration = core::time::Duration::from_secs(2);
 /// Points of the trace closer than this, m, are one.
 const TRACE_CELL_M: f64 = 0.006;
 /// Points of the trace in one entity: a new point repeats at most so many.
@@ -34,12 +29,6 @@ const FRICTION_FROM_N: f64 = 1.0;
 const SLOTS: usize = 12;
 /// Rows of the table.
 const SUMMARY_ROWS: usize = 8;
-
-/// Waits until all that was sent is in the file.
-pub(crate) fn flush(rec: &RecordingStream, path: &Path) -> Result<(), ViewError> {
-    rec.flush_with_timeout(FLUSH_LIMIT)
-        .map_err(|e| ViewError::Write { path: path.to_owned(), message: e.to_string() })
-}
 
 /// What does not change during a run.
 #[derive(Clone, Copy, Debug)]
@@ -181,7 +170,7 @@ impl Part {
 /// Writes the recording. What was not yet sent when a writer is dropped without
 /// [`finish`](Self::finish) is written as far as possible, its errors lost.
 pub struct SceneWriter {
-    rec: RecordingStream,
+    rec: Stream,
     path: PathBuf,
     part: Part,
     /// Added to every time, ns.
@@ -404,27 +393,14 @@ impl SceneWriter {
     ///
     /// # Errors
     /// [`ViewError::NoViewer`] when none answers there within two seconds, [`ViewError::Encode`]
-    /// when rerun refuses a part of the scene.
+    /// when rerun refuses a part of the scene, [`ViewError::WithoutLive`] in a build without the
+    /// cargo feature `live`.
     pub fn live(
         url: &str,
         scene: &SceneModel<'_>,
         pair_names: &[String],
     ) -> Result<Self, ViewError> {
-        let nobody = |e: &dyn core::fmt::Display| ViewError::NoViewer {
-            url: url.to_owned(),
-            message: e.to_string(),
-        };
-        let rec = RecordingStreamBuilder::new(APPLICATION)
-            .recording_name(scene.scenario)
-            .enabled(true)
-            .connect_grpc_opts(url)
-            .map_err(|e| nobody(&e))?;
-        // Before the scene: without a viewer rerun 0.36.3 waits for ever once it holds 100 messages.
-        if rec.flush_with_timeout(CONNECT_LIMIT).is_err() {
-            // Dropping the stream would wait for the viewer for another while.
-            core::mem::forget(rec);
-            return Err(nobody(&"no answer within 2 s"));
-        }
+        let rec = Stream::connect(url, scene.scenario)?;
         Self::begin(rec, PathBuf::from(url), scene, pair_names, Part::Alone)
     }
 
@@ -471,19 +447,13 @@ impl SceneWriter {
         pair_names: &[String],
         part: Part,
     ) -> Result<Self, ViewError> {
-        let create = |source| ViewError::Create { path: path.to_owned(), source: Box::new(source) };
-        // Without `enabled` a variable of the environment could silently switch the recording off.
-        let rec = RecordingStreamBuilder::new(APPLICATION)
-            .recording_name(scene.scenario)
-            .enabled(true)
-            .save(path)
-            .map_err(create)?;
+        let rec = Stream::create(path, scene.scenario)?;
         Self::begin(rec, path.to_owned(), scene, pair_names, part)
     }
 
     /// Writes all that does not change.
     fn begin(
-        rec: RecordingStream,
+        rec: Stream,
         path: PathBuf,
         scene: &SceneModel<'_>,
         pair_names: &[String],
@@ -492,14 +462,14 @@ impl SceneWriter {
         let m = scene.mechanism;
         let compared = part == Part::First;
         let look = blueprint::Look { eye: Eye::new(m), face_on: Eye::face_on(m), compared };
-        blueprint::send(&rec, APPLICATION, &blueprint::docking(&look))
+        blueprint::send(&rec, &blueprint::docking(&look))
             .map_err(|e| ViewError::encode("blueprint", e))?;
         scene::log_static(&rec, scene, compared).map_err(|e| ViewError::encode(paths::SCENE, e))?;
         Ok(Self::with(rec, path, scene, pair_names, part, 0))
     }
 
     fn with(
-        rec: RecordingStream,
+        rec: Stream,
         path: PathBuf,
         scene: &SceneModel<'_>,
         pair_names: &[String],
@@ -623,18 +593,9 @@ impl SceneWriter {
         let x_3r = self.x_3r;
         self.summarise(self.last, &x_3r, true);
         self.send()?;
-        if let Err(error) = flush(&self.rec, &self.path) {
-            // When its file writer dies of a full disk, rerun 0.36.3 may wait for it for ever, and
-            // dropping the stream would wait for that: it is left to the end of the process.
-            core::mem::forget(self);
-            return Err(error);
-        }
-        if self.part == Part::Ghost {
-            return Ok(());
-        }
-        // Puts the table of contents at the end of the file and closes it.
-        self.rec.finalize_deferred_sinks();
-        Ok(())
+        let (rec, path) = (self.rec.clone(), self.path.clone());
+        drop(self);
+        rec.close(&path)
     }
 
     /// Time of the frame in ns, if all of it can be drawn.
@@ -873,7 +834,7 @@ impl Trace {
         }
     }
 
-    fn send(&mut self, rec: &RecordingStream, path: &str) -> Result<(), ViewError> {
+    fn send(&mut self, rec: &Stream, path: &str) -> Result<(), ViewError> {
         let path = |segment| format!("{path}/{segment:03}");
         let radius = Radius::new_scene_units(0.004);
         for mut rows in self.full.drain(..) {

@@ -8,9 +8,10 @@ use std::path::PathBuf;
 
 use docktwin_core::{DVec3, Pose, SimTime};
 use docktwin_view::{ContactArrow, Frame, Scalars, SceneModel, SceneWriter, ViewError};
-use rerun::external::re_log_encoding::DecoderApp;
-use rerun::external::re_log_types::LogMsg;
-use rerun::log::Chunk;
+use re_chunk::Chunk;
+use re_log_encoding::DecoderApp;
+use re_log_types::LogMsg;
+use re_sdk_types::archetypes::{Arrows3D, TextDocument};
 
 fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
@@ -77,14 +78,17 @@ impl Rig {
         }
     }
 
-    fn writer(&self, path: &std::path::Path) -> Result<SceneWriter, ViewError> {
-        let scene = SceneModel {
+    fn scene(&self) -> SceneModel<'_> {
+        SceneModel {
             scenario: "test",
             chaser: &self.chaser,
             target: &self.target,
             mechanism: &self.mechanism,
-        };
-        SceneWriter::create(path, &scene, &synthetic::pair_names())
+        }
+    }
+
+    fn writer(&self, path: &std::path::Path) -> Result<SceneWriter, ViewError> {
+        SceneWriter::create(path, &self.scene(), &synthetic::pair_names())
     }
 }
 
@@ -138,11 +142,11 @@ fn oracle_arrows_are_drawn_in_e3_at_half_a_metre_for_a_kilonewton() {
     let normal = "/scene/contacts/petal_ring/normal";
     assert_eq!(rows(&entities, normal), 2, "once there, once gone, then silence");
     let chunk = &entities[normal][0];
-    let read = |part: rerun::ComponentDescriptor| {
+    let read = |part: re_sdk_types::ComponentDescriptor| {
         chunk.iter_slices::<[f32; 3]>(part.component).map(<[_]>::to_vec).collect::<Vec<_>>()
     };
-    let vectors = read(rerun::Arrows3D::descriptor_vectors());
-    let origins = read(rerun::Arrows3D::descriptor_origins());
+    let vectors = read(Arrows3D::descriptor_vectors());
+    let origins = read(Arrows3D::descriptor_origins());
     let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
     assert!(near(vectors[0][0], [-1900.0 * 0.5 / 1000.0, 0.0, 0.0]), "{vectors:?}");
     // e3 is 3.5 m in front of the chaser's mass centre.
@@ -184,7 +188,7 @@ fn invariant_peaks_and_trace_are_those_of_ticks_between_frames() {
     let entities = read(&path);
     assert_eq!(rows(&entities, "/scene/active_ring"), 2);
     assert_eq!(rows(&entities, "/scene/active_ring/trace/000"), 1);
-    let text = rerun::TextDocument::descriptor_text();
+    let text = TextDocument::descriptor_text();
     let last = entities["/contact_table"]
         .iter()
         .flat_map(|c| c.iter_slices::<String>(text.component).map(|t| t[0].to_string()).last())
@@ -194,16 +198,33 @@ fn invariant_peaks_and_trace_are_those_of_ticks_between_frames() {
     assert!(last.contains("peak 2.35 kN at 0.001 s"), "{last}");
 }
 
+/// The gate runs this file with the feature `live` and without it.
+#[test]
+fn invariant_without_a_viewer_there_is_no_live_recording() {
+    let rig = Rig::new();
+    let names = synthetic::pair_names();
+    // A port that no program of a user may open, and what is no viewer's address.
+    for url in ["rerun+http://127.0.0.1:1/proxy", "nonsense"] {
+        let Err(e) = SceneWriter::live(url, &rig.scene(), &names) else {
+            panic!("connected to {url}")
+        };
+        let said = e.to_string();
+        assert!(said.contains(url), "{said}");
+        if cfg!(feature = "live") {
+            assert!(matches!(e, ViewError::NoViewer { .. }), "{said}");
+            assert!(said.contains("rerun --bind 127.0.0.1"), "{said}");
+        } else {
+            assert!(matches!(e, ViewError::WithoutLive { .. }), "{said}");
+            assert!(said.contains("cargo build --release --features live"), "{said}");
+        }
+    }
+}
+
 #[test]
 fn invariant_a_ghost_shares_plots_and_keeps_its_own_scene() {
     let path = file("ghost.rrd");
     let rig = Rig::new();
-    let scene = SceneModel {
-        scenario: "test",
-        chaser: &rig.chaser,
-        target: &rig.target,
-        mechanism: &rig.mechanism,
-    };
+    let scene = rig.scene();
     let names = synthetic::pair_names();
     let mut a = SceneWriter::create_compared(&path, &scene, &names).expect("created");
     let mut b = a.ghost(&scene, &names, -5_000_000).expect("added");
@@ -236,8 +257,13 @@ fn invariant_a_ghost_shares_plots_and_keeps_its_own_scene() {
 #[test]
 fn invariant_the_viewers_version_is_that_of_the_library() {
     let manifest = include_str!("../../../Cargo.toml");
-    let line = manifest.lines().find(|l| l.starts_with("rerun = ")).expect("rerun is pinned");
-    assert!(line.contains(&format!("\"={}\"", docktwin_view::VIEWER_VERSION)), "{line}");
+    let pinned = format!("\"={}\"", docktwin_view::VIEWER_VERSION);
+    let of_rerun = |l: &&str| l.starts_with("re_") && l.contains("version");
+    let lines: Vec<&str> = manifest.lines().filter(of_rerun).collect();
+    assert!(lines.len() > 3, "rerun's crates are not in the manifest: {lines:?}");
+    for line in lines {
+        assert!(line.contains(&pinned), "{line}");
+    }
 }
 
 #[test]
