@@ -1,11 +1,6 @@
 //! `cargo xtask test`: the steps of the gate, in their order.
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-    process::ExitCode,
-    time::Instant,
-};
+use std::{io::Write, path::Path, process::ExitCode, time::Instant};
 
 use crate::{deny, scenarios, shell, validation};
 
@@ -119,7 +114,7 @@ pub(crate) fn docs(root: &Path) -> Result<(), String> {
 /// whole workspace, so that the next steps build nothing again.
 fn build(root: &Path) -> Result<(), String> {
     shell::run(&mut shell::cargo(root, &["test", "--quiet", "--workspace", "--no-run"]))?;
-    let binary = binary(root);
+    let binary = shell::binary(root);
     if binary.is_file() {
         Ok(())
     } else {
@@ -132,19 +127,4 @@ fn tests(root: &Path) -> Result<(), String> {
     // Without the live viewer the files are the same, and `--live` says how to build it.
     let view = ["test", "--quiet", "--workspace", "--no-default-features", "--test", "recording"];
     shell::run(&mut shell::cargo(root, &view))
-}
-
-/// Where cargo puts what it builds.
-pub(crate) fn target(root: &Path) -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |dir| root.join(dir))
-}
-
-/// The command line of this workspace, dev profile.
-pub(crate) fn binary(root: &Path) -> PathBuf {
-    program(root, "docktwin")
-}
-
-/// A program of this workspace, dev profile.
-pub(crate) fn program(root: &Path, name: &str) -> PathBuf {
-    target(root).join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
 }

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{gate, shell};
+use crate::shell;
 
 /// The `bin` folder of the environment `target/<name>`, made or renewed when `requirements` changed.
 pub(crate) fn environment(root: &Path, name: &str, requirements: &str) -> Result<PathBuf, String> {
     let wanted = std::fs::read_to_string(root.join(requirements))
         .map_err(|e| format!("{requirements} cannot be read ({e})"))?;
-    let dir = gate::target(root).join(name);
+    let dir = shell::target(root).join(name);
     let bin = dir.join("bin");
     let python = bin.join("python");
     // What the environment was made from.

@@ -10,7 +10,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::{gate, shell};
+use crate::shell;
 
 const TWINS: [&str; 2] = ["full", "reduced"];
 /// Against the emulated rig instead of a twin.
@@ -30,7 +30,7 @@ fn momentum_bound(twin: &str, duration_s: f64) -> f64 {
 
 /// Where the recordings of the gate are.
 fn folder(root: &Path) -> PathBuf {
-    gate::target(root).join("scenario-runs")
+    shell::target(root).join("scenario-runs")
 }
 
 /// Names of the files under `scenarios/`, sorted.
@@ -66,11 +66,11 @@ fn rehearse(root: &Path, scenario: &str, twin: &'static str) -> Ran {
     let out = folder(root).join(format!("{scenario}-{twin}"));
     let file = Path::new("scenarios").join(format!("{scenario}.toml"));
     let mut c = if twin == HIL {
-        let mut c = shell::command(root, gate::binary(root), &["hil", "--rig", "emulated"]);
+        let mut c = shell::command(root, shell::binary(root), &["hil", "--rig", "emulated"]);
         c.arg(file);
         c
     } else {
-        let mut c = shell::command(root, gate::binary(root), &["rehearse", "--twin", twin]);
+        let mut c = shell::command(root, shell::binary(root), &["rehearse", "--twin", twin]);
         c.arg(file);
         c
     };
@@ -255,7 +255,7 @@ fn table(ran: &[Ran]) -> String {
 pub(crate) fn replay(root: &Path) -> Result<(), String> {
     for twin in TWINS.into_iter().chain([HIL]) {
         let run = folder(root).join(format!("{REPLAYED}-{twin}"));
-        let mut c = shell::command(root, gate::binary(root), &["replay", "--json"]);
+        let mut c = shell::command(root, shell::binary(root), &["replay", "--json"]);
         let (stdout, code, stderr) = shell::capture(c.arg(&run))?;
         let said: Value = serde_json::from_str(&stdout).unwrap_or_default();
         let ticks = said["ticks"].as_u64().unwrap_or(0);

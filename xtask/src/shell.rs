@@ -1,9 +1,9 @@
-//! Calling other programs.
+//! Calling other programs, and where those of this workspace are.
 
 use std::{
     ffi::OsStr,
     io::{BufRead, BufReader, ErrorKind},
-    path::Path,
+    path::{Path, PathBuf},
     process::{Command, Stdio},
 };
 
@@ -74,4 +74,19 @@ pub(crate) fn run_and_keep_last_line(c: &mut Command) -> Result<String, String> 
     }
     let status = child.wait().map_err(|e| format!("`{}`: {e}", words(c)))?;
     if status.success() { Ok(last) } else { Err(format!("`{}` ended with {status}", words(c))) }
+}
+
+/// Where cargo puts what it builds.
+pub(crate) fn target(root: &Path) -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |dir| root.join(dir))
+}
+
+/// The command line of this workspace, dev profile.
+pub(crate) fn binary(root: &Path) -> PathBuf {
+    program(root, "docktwin")
+}
+
+/// A program of this workspace, dev profile.
+pub(crate) fn program(root: &Path, name: &str) -> PathBuf {
+    target(root).join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
 }

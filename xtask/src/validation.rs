@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{gate, python, shell};
+use crate::{python, shell};
 
 const REQUIREMENTS: &str = "validation/requirements.txt";
 
@@ -10,8 +10,8 @@ const REQUIREMENTS: &str = "validation/requirements.txt";
 pub(crate) fn run(root: &Path) -> Result<(), String> {
     let python = python::environment(root, "venv-validation", REQUIREMENTS)?.join("python");
     let mut tests = shell::command(root, &python, &["-m", "pytest", "validation"]);
-    tests.env("DOCKTWIN_BIN", gate::binary(root));
-    tests.env("DOCKTWIN_PEERS_BIN", gate::program(root, "docktwin-peers"));
+    tests.env("DOCKTWIN_BIN", shell::binary(root));
+    tests.env("DOCKTWIN_PEERS_BIN", shell::program(root, "docktwin-peers"));
     // Figures must not depend on how many threads numpy finds.
     tests.env("OMP_NUM_THREADS", "1").env("PYTHONDONTWRITEBYTECODE", "1");
     let last = shell::run_and_keep_last_line(&mut tests)?;

@@ -155,6 +155,7 @@ fn changed(text: &str, from: &str, to: &str) -> String {
 // Scenarios ------------------------------------------------------------------------------------
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn regress_hostile_scenarios() {
     let dir = folder();
     let at = dir.path();
@@ -345,6 +346,7 @@ length_m = { value = 4.0, assumed = "test" }
 "#;
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn regress_hostile_spacecraft() {
     let dir = folder();
     let at = dir.path();
@@ -814,6 +816,7 @@ fn metadata(name: &str, pairs: impl Iterator<Item = (String, String)>) -> Vec<u8
 }
 
 /// Damaged logs made of a good one.
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn recordings(good: &[u8]) -> Vec<(String, Vec<u8>, Ends)> {
     let all = records(good);
     let chunks: Vec<_> = all.iter().filter(|r| r.0 == 6).copied().collect();
@@ -1000,6 +1003,7 @@ fn good_run(at: &Path) -> PathBuf {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn regress_damaged_recordings() {
     let dir = folder();
     let at = dir.path();

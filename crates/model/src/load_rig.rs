@@ -371,14 +371,7 @@ impl Assembly<'_> {
             self.refuse("link", &said.ground, what, "hang everything on the ground");
             return None;
         }
-        self.check_fixed(&said.rack, &said.ground, "the rack");
-        self.check_fixed(&said.active, &said.rack, "the active mechanism's mount");
-        self.check_fixed(&said.passive, &said.plate, "the passive mechanism's mount");
-        let floating = self.joint_above(&said.plate, JointType::Floating, "the plate's joint");
-        if let Some(j) = floating.filter(|j| j.parent.link != said.ground) {
-            let what = format!("hangs on `{}`, not on the ground", j.parent.link);
-            self.refuse("joint", &j.name, what, "make the ground its parent");
-        }
+        self.check_mounts(&said);
         let x_bp = self.pose(&said.plate);
         let x_b0 = self.pose(&said.rack);
         let x_b3 = self.pose(&said.active);
@@ -424,35 +417,8 @@ impl Assembly<'_> {
         }
         self.note_fixed_masses(&said);
 
-        let middle = x_b3.inverse() * x_b4;
-        let off = (middle.p - said.docking.middle_m).length();
-        let turned = middle.q.angle_between(DQuat::IDENTITY);
-        if off > CLOSURE_M || turned > CLOSURE_M {
-            self.refuse_toml(
-                "docking_workspace.middle_p_34_m",
-                format!(
-                    "differs from the tree with its joints at zero, where p_34 is [{:.6}, {:.6}, \
-                     {:.6}] m and R_34 is turned by {:.6} rad",
-                    middle.p.x, middle.p.y, middle.p.z, turned
-                ),
-                "let the floating joint of the URDF put the plate in the middle of the box",
-            );
-        }
-        let first = said.closures.first()?;
-        let prismatic =
-            self.tree.robot.joints.iter().find(|j| j.child.link == first.rod)?.limit.clone();
-        for closure in &said.closures {
-            let slide = self.tree.robot.joints.iter().find(|j| j.child.link == closure.rod);
-            let other = slide.map_or((0.0, 0.0), |j| (j.limit.velocity, j.limit.effort));
-            let off = (other.0 - prismatic.velocity).abs() + (other.1 - prismatic.effort).abs();
-            if off > 1e-9 {
-                let what = format!(
-                    "has a rod of other limits ({} m/s, {} N) than `{}` ({} m/s, {} N)",
-                    other.0, other.1, first.rod, prismatic.velocity, prismatic.effort
-                );
-                self.refuse("link", &closure.rod, what, "give all six rods the same limits");
-            }
-        }
+        self.check_middle(&said, &(x_b3.inverse() * x_b4));
+        let prismatic = self.rod_limits(&said.closures)?;
         let legs = <[Leg; 6]>::try_from(legs).ok()?;
         Some(Rig {
             name: self.tree.robot.name.clone(),
@@ -479,6 +445,54 @@ impl Assembly<'_> {
             spread: said.spread,
             digest: self.out.digest(),
         })
+    }
+
+    fn check_mounts(&mut self, said: &Said) {
+        self.check_fixed(&said.rack, &said.ground, "the rack");
+        self.check_fixed(&said.active, &said.rack, "the active mechanism's mount");
+        self.check_fixed(&said.passive, &said.plate, "the passive mechanism's mount");
+        let floating = self.joint_above(&said.plate, JointType::Floating, "the plate's joint");
+        if let Some(j) = floating.filter(|j| j.parent.link != said.ground) {
+            let what = format!("hangs on `{}`, not on the ground", j.parent.link);
+            self.refuse("joint", &j.name, what, "make the ground its parent");
+        }
+    }
+
+    /// The tree with its joints at zero has the pose that the docking workspace is about.
+    fn check_middle(&mut self, said: &Said, middle: &Pose) {
+        let off = (middle.p - said.docking.middle_m).length();
+        let turned = middle.q.angle_between(DQuat::IDENTITY);
+        if off > CLOSURE_M || turned > CLOSURE_M {
+            self.refuse_toml(
+                "docking_workspace.middle_p_34_m",
+                format!(
+                    "differs from the tree with its joints at zero, where p_34 is [{:.6}, {:.6}, \
+                     {:.6}] m and R_34 is turned by {:.6} rad",
+                    middle.p.x, middle.p.y, middle.p.z, turned
+                ),
+                "let the floating joint of the URDF put the plate in the middle of the box",
+            );
+        }
+    }
+
+    /// Speed and force of the rods, which are the same for all.
+    fn rod_limits(&mut self, closures: &[Closure]) -> Option<urdf_rs::JointLimit> {
+        let first = closures.first()?;
+        let prismatic =
+            self.tree.robot.joints.iter().find(|j| j.child.link == first.rod)?.limit.clone();
+        for closure in closures {
+            let slide = self.tree.robot.joints.iter().find(|j| j.child.link == closure.rod);
+            let other = slide.map_or((0.0, 0.0), |j| (j.limit.velocity, j.limit.effort));
+            let off = (other.0 - prismatic.velocity).abs() + (other.1 - prismatic.effort).abs();
+            if off > 1e-9 {
+                let what = format!(
+                    "has a rod of other limits ({} m/s, {} N) than `{}` ({} m/s, {} N)",
+                    other.0, other.1, first.rod, prismatic.velocity, prismatic.effort
+                );
+                self.refuse("link", &closure.rod, what, "give all six rods the same limits");
+            }
+        }
+        Some(prismatic)
     }
 
     fn check_fixed(&mut self, link: &str, to: &str, role: &str) {
@@ -532,48 +546,8 @@ impl Assembly<'_> {
         let (x, y, z) =
             (axis(&closure.rod, &slide), axis(&cylinder, &second), axis(&cross, &first));
         let base = self.pose(&cross).p;
-        let tip = self.pose(&closure.rod).transform_point(closure.rod_point_m);
-        let on_plate = x_bp.transform_point(closure.plate_point_m);
-        let before = self.out.problems.len();
-        for (joint, a) in [(&slide, x), (&second, y), (&first, z)] {
-            if !a.is_normalized() {
-                let what = "has no axis: its three components are zero".to_owned();
-                self.refuse("joint", &joint.name, what, "give the axis a direction");
-            }
-        }
-        if self.out.problems.len() > before {
-            return None;
-        }
-        if (self.pose(&cylinder).p - base).length() > CLOSURE_M {
-            self.refuse(
-                "joint",
-                &second.name,
-                "its axis does not meet the first axis of the universal joint".into(),
-                "give it the origin 0 0 0",
-            );
-        }
-        if (y - z.cross(x)).length() > CLOSURE_M {
-            self.refuse(
-                "joint",
-                &second.name,
-                "with its joints at zero the leg's slide, second and first axis are not the X, Y \
-                 and Z of a right-handed frame"
-                    .into(),
-                "make the three axes perpendicular; turn one that points backwards",
-            );
-        }
-        let miss = (tip - on_plate).length();
-        if miss > CLOSURE_M {
-            self.refuse_toml(
-                &format!("closures.{i}"),
-                format!(
-                    "does not close: in the middle the rod's point [{:.6}, {:.6}, {:.6}] m and the \
-                     plate's point [{:.6}, {:.6}, {:.6}] m, both in the ground, are {:.6} m apart",
-                    tip.x, tip.y, tip.z, on_plate.x, on_plate.y, on_plate.z, miss
-                ),
-                "mend the points, or the origins of the rod's joint and of the plate's",
-            );
-        }
+        self.check_axes([&first, &second, &slide], [x, y, z], self.pose(&cylinder).p - base)?;
+        let tip = self.rod_end(i, closure, &x_bp);
         let along = tip - base;
         let length = along.length();
         if length < 0.01 {
@@ -589,22 +563,7 @@ impl Assembly<'_> {
                 "turn its axis, or move the joints",
             );
         }
-        for j in [&first, &second, &slide] {
-            if !(j.limit.lower < 0.0 && j.limit.upper > 0.0) {
-                let what = format!(
-                    "has limits {} and {}, between which the middle (0) does not lie",
-                    j.limit.lower, j.limit.upper
-                );
-                self.refuse("joint", &j.name, what, "make lower < 0 < upper");
-            }
-        }
-        if slide.limit.effort <= 0.0 || slide.limit.velocity <= 0.0 {
-            let what = format!(
-                "has effort {} N and velocity {} m/s",
-                slide.limit.effort, slide.limit.velocity
-            );
-            self.refuse("joint", &slide.name, what, "make both positive");
-        }
+        self.check_limits([&first, &second, &slide]);
         let x_b_leg = Pose::new(base, DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize());
         let swing = [&first, &second]
             .iter()
@@ -635,6 +594,84 @@ impl Assembly<'_> {
             cylinder: self.part(&cylinder, cylinder_body?, 1.0),
             rod: self.part(&closure.rod, rod_body?, -1.0),
         })
+    }
+
+    /// A leg's slide, second and first axis in the ground, joints at zero, which are the X, Y and Z of a
+    /// frame; `offset` is the way from its first axis to its second. `None` when one has no direction.
+    fn check_axes(
+        &mut self,
+        [first, second, slide]: [&Joint; 3],
+        [x, y, z]: [DVec3; 3],
+        offset: DVec3,
+    ) -> Option<()> {
+        let before = self.out.problems.len();
+        for (joint, a) in [(slide, x), (second, y), (first, z)] {
+            if !a.is_normalized() {
+                let what = "has no axis: its three components are zero".to_owned();
+                self.refuse("joint", &joint.name, what, "give the axis a direction");
+            }
+        }
+        if self.out.problems.len() > before {
+            return None;
+        }
+        if offset.length() > CLOSURE_M {
+            self.refuse(
+                "joint",
+                &second.name,
+                "its axis does not meet the first axis of the universal joint".into(),
+                "give it the origin 0 0 0",
+            );
+        }
+        if (y - z.cross(x)).length() > CLOSURE_M {
+            self.refuse(
+                "joint",
+                &second.name,
+                "with its joints at zero the leg's slide, second and first axis are not the X, Y \
+                 and Z of a right-handed frame"
+                    .into(),
+                "make the three axes perpendicular; turn one that points backwards",
+            );
+        }
+        Some(())
+    }
+
+    /// The rod's end in the ground, joints at zero, which is where the plate has its joint.
+    fn rod_end(&mut self, i: usize, closure: &Closure, x_bp: &Pose) -> DVec3 {
+        let tip = self.pose(&closure.rod).transform_point(closure.rod_point_m);
+        let on_plate = x_bp.transform_point(closure.plate_point_m);
+        let miss = (tip - on_plate).length();
+        if miss > CLOSURE_M {
+            self.refuse_toml(
+                &format!("closures.{i}"),
+                format!(
+                    "does not close: in the middle the rod's point [{:.6}, {:.6}, {:.6}] m and the \
+                     plate's point [{:.6}, {:.6}, {:.6}] m, both in the ground, are {:.6} m apart",
+                    tip.x, tip.y, tip.z, on_plate.x, on_plate.y, on_plate.z, miss
+                ),
+                "mend the points, or the origins of the rod's joint and of the plate's",
+            );
+        }
+        tip
+    }
+
+    /// Limits of a leg's joints: around the middle, and of the slide with speed and force.
+    fn check_limits(&mut self, [first, second, slide]: [&Joint; 3]) {
+        for j in [first, second, slide] {
+            if !(j.limit.lower < 0.0 && j.limit.upper > 0.0) {
+                let what = format!(
+                    "has limits {} and {}, between which the middle (0) does not lie",
+                    j.limit.lower, j.limit.upper
+                );
+                self.refuse("joint", &j.name, what, "make lower < 0 < upper");
+            }
+        }
+        if slide.limit.effort <= 0.0 || slide.limit.velocity <= 0.0 {
+            let what = format!(
+                "has effort {} N and velocity {} m/s",
+                slide.limit.effort, slide.limit.velocity
+            );
+            self.refuse("joint", &slide.name, what, "make both positive");
+        }
     }
 
     fn link_body(&mut self, link: &str, x: Pose) -> Option<RigidMass> {

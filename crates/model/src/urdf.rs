@@ -382,75 +382,11 @@ fn place(node: Node<'_, '_>) -> String {
 /// Reads a URDF text. Problems and notes go to `out`; `None` when the text is not a URDF tree.
 /// With `meshes`, every mesh that is named must exist.
 pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) -> Option<UrdfTree> {
-    let problem = |line: Option<usize>, key: &str, what: String, remedy: &str| Problem {
-        file: path.into(),
-        line,
-        key: key.into(),
-        what,
-        remedy: remedy.into(),
-        ..Problem::default()
-    };
-    if let Some(line) = crowded_tag(text) {
-        let what = format!("has more than {MAX_ATTRIBUTES} attributes in one element");
-        out.problems.push(problem(Some(line), "xml", what, "URDF needs six at most: remove them"));
-        return None;
-    }
-    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    let doc = match Document::parse_with_options(text, options) {
-        Ok(doc) => doc,
-        Err(error) => {
-            let line = Some(error.pos().row as usize);
-            let p = match error {
-                roxmltree::Error::NodesLimitReached => problem(
-                    None,
-                    "xml",
-                    format!("has more than {MAX_NODES} elements, texts and comments"),
-                    "a model of a docking needs some hundred: leave out what is not needed",
-                ),
-                roxmltree::Error::DtdDetected => problem(
-                    text.find("<!DOCTYPE").map(|at| Lines::of(text).at(at)),
-                    "xml",
-                    "has a DTD, whose entities URDF has no use for".into(),
-                    "remove `<!DOCTYPE …>`",
-                ),
-                error => problem(line, "xml", shown(&error.to_string()), "write well-formed XML"),
-            };
-            out.problems.push(p);
-            return None;
-        }
-    };
+    let mut refuse = |defect: Defect| out.problems.push(defect.at(path));
+    let doc = parse(text).map_err(&mut refuse).ok()?;
     let line_of = Lines::of(text);
-    // `urdf-rs` recurses into everything, also into what the walk below leaves out.
-    let too_deep = deepest(&doc).filter(|(depth, _)| *depth > MAX_DEPTH);
-    if let Some((depth, node)) = too_deep {
-        out.problems.push(problem(
-            Some(line_of.at(node.range().start)),
-            "xml",
-            format!("nests elements {depth} deep; allowed: at most {MAX_DEPTH}"),
-            "URDF needs six: close the elements",
-        ));
-        return None;
-    }
+    check_size(&doc, &line_of).map_err(&mut refuse).ok()?;
     let root = doc.root_element();
-    if root.tag_name().name() != "robot" {
-        out.problems.push(problem(
-            Some(1),
-            &shown(root.tag_name().name()),
-            "is not a URDF".into(),
-            "the outermost element of a URDF is `robot`; expand xacro first",
-        ));
-        return None;
-    }
-    let links = root.children().filter(|n| n.has_tag_name("link")).count();
-    if links > MAX_LINKS {
-        out.problems.push(problem(
-            Some(line_of.at(root.range().start)),
-            "robot",
-            format!("has {links} links; allowed: at most {MAX_LINKS}"),
-            "leave out links that carry no mass",
-        ));
-        return None;
-    }
     let problems_before = out.problems.len();
     Walk { path, lines: &line_of, out }.element(root);
 
@@ -460,7 +396,7 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
             // What the walk found is the cause; otherwise urdf-rs knows something we do not.
             if out.problems.len() == problems_before {
                 let what = shown(&error.to_string());
-                out.problems.push(problem(Some(1), "robot", what, "mend the element"));
+                out.problems.push(Defect::new(Some(1), "robot", what, "mend the element").at(path));
             }
             return None;
         }
@@ -478,6 +414,86 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
     let (root, links) = place_links(path, &robot, &lines, out)?;
     check_meshes(path, &robot, &lines, meshes, out);
     Some(UrdfTree { robot, root, links, with_inertial, lines })
+}
+
+/// What is wrong with a text, whatever its file.
+struct Defect {
+    line: Option<usize>,
+    key: String,
+    what: String,
+    remedy: &'static str,
+}
+
+impl Defect {
+    fn new(line: Option<usize>, key: &str, what: impl Into<String>, remedy: &'static str) -> Self {
+        Self { line, key: key.to_owned(), what: what.into(), remedy }
+    }
+
+    fn at(self, path: &Path) -> Problem {
+        Problem {
+            file: path.into(),
+            line: self.line,
+            key: self.key,
+            what: self.what,
+            remedy: self.remedy.into(),
+            ..Problem::default()
+        }
+    }
+}
+
+/// The text as XML of bearable size.
+fn parse(text: &str) -> Result<Document<'_>, Defect> {
+    if let Some(line) = crowded_tag(text) {
+        let what = format!("has more than {MAX_ATTRIBUTES} attributes in one element");
+        return Err(Defect::new(Some(line), "xml", what, "URDF needs six at most: remove them"));
+    }
+    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+    Document::parse_with_options(text, options).map_err(|error| match error {
+        roxmltree::Error::NodesLimitReached => Defect::new(
+            None,
+            "xml",
+            format!("has more than {MAX_NODES} elements, texts and comments"),
+            "a model of a docking needs some hundred: leave out what is not needed",
+        ),
+        roxmltree::Error::DtdDetected => Defect::new(
+            text.find("<!DOCTYPE").map(|at| Lines::of(text).at(at)),
+            "xml",
+            "has a DTD, whose entities URDF has no use for",
+            "remove `<!DOCTYPE …>`",
+        ),
+        error => Defect::new(
+            Some(error.pos().row as usize),
+            "xml",
+            shown(&error.to_string()),
+            "write well-formed XML",
+        ),
+    })
+}
+
+/// What `urdf-rs`, which recurses into everything, can take, and a URDF at all.
+fn check_size(doc: &Document<'_>, line_of: &Lines) -> Result<(), Defect> {
+    let line = |node: Node<'_, '_>| Some(line_of.at(node.range().start));
+    if let Some((depth, node)) = deepest(doc).filter(|(depth, _)| *depth > MAX_DEPTH) {
+        let what = format!("nests elements {depth} deep; allowed: at most {MAX_DEPTH}");
+        let remedy = "URDF needs six: close the elements";
+        return Err(Defect::new(line(node), "xml", what, remedy));
+    }
+    let root = doc.root_element();
+    if root.tag_name().name() != "robot" {
+        return Err(Defect::new(
+            Some(1),
+            &shown(root.tag_name().name()),
+            "is not a URDF",
+            "the outermost element of a URDF is `robot`; expand xacro first",
+        ));
+    }
+    let links = root.children().filter(|n| n.has_tag_name("link")).count();
+    if links > MAX_LINKS {
+        let what = format!("has {links} links; allowed: at most {MAX_LINKS}");
+        let remedy = "leave out links that carry no mass";
+        return Err(Defect::new(line(root), "robot", what, remedy));
+    }
+    Ok(())
 }
 
 /// Checks that links and joints form one tree and gives the pose of every link in its root.

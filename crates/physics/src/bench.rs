@@ -917,17 +917,8 @@ pub fn characterise(
     let into = INTO_STOP * way[0].max(way[1]);
     let stops = run(m, &test(both(&|w| w + into), 1, speed))?;
 
-    // Far enough from the turns for friction to have turned over.
-    let middle = |x: f64| x.abs() < 0.3 * small;
-    let soft_stiffness = slope(&soft, 1, |x, _| middle(x)).unwrap_or(0.0);
-    let half_height = |r: &Record| {
-        let (mut height, mut n) = (0.0, 0.0);
-        for s in r.samples.iter().filter(|s| s.cycle == 1 && middle(s.deflection[k])) {
-            height += (s.reaction[k] - soft_stiffness * s.deflection[k]) * s.rate[k].signum();
-            n += 1.0;
-        }
-        if n > 0.0 { height / n } else { 0.0 }
-    };
+    let soft_stiffness = slope(&soft, 1, |x, _| in_middle(x, small)).unwrap_or(0.0);
+    let half_height = |r: &Record| half_height(r, small, soft_stiffness);
     // Extrapolated to standstill, so that dampers do not count.
     let friction = 2.0 * half_height(&slowly(0.5 * gentle)?) - half_height(&soft);
     let out = |x: f64, v: f64| x * v > 0.0;
@@ -935,32 +926,13 @@ pub fn characterise(
         out(x, v) && x * first > 0.5 * way[0] && x * first < 0.95 * way[0]
     });
     let stop_stiffness = slope(&stops, 0, |x, v| out(x, v) && x * first > way[0] + 0.2 * into);
-    // The reaction where the stop begins: the last two samples before it, prolonged.
-    let reaction_at = |sign: f64, way: f64| {
-        let mut before = stops
-            .samples
-            .iter()
-            .filter(|s| {
-                let x = s.deflection[k] * sign;
-                s.rate[k] * sign > 0.0 && x > 0.5 * way && x < way
-            })
-            .rev();
-        match (before.next(), before.next()) {
-            (Some(b), Some(a)) => {
-                let (xa, xb) = (a.deflection[k] * sign, b.deflection[k] * sign);
-                let t = if xb > xa { (way - xb) / (xb - xa) } else { 0.0 };
-                b.reaction[k] + t * (b.reaction[k] - a.reaction[k])
-            }
-            _ => 0.0,
-        }
-    };
     let turn = working
         .samples
         .iter()
         .take_while(|s| s.cycle == 0)
         .max_by(|a, b| (a.deflection[k] * first).total_cmp(&(b.deflection[k] * first)))
         .copied();
-    let end = [reaction_at(first, way[0]), reaction_at(-first, way[1])];
+    let end = [reaction_at_stop(&stops, first, way[0]), reaction_at_stop(&stops, -first, way[1])];
     let cycle_loss_j = working.cycle_lost_j.last().copied().unwrap_or(0.0);
     working.first_slip = slip;
     let order = |v: [f64; 2]| if first < 0.0 { v } else { [v[1], v[0]] };
@@ -985,6 +957,44 @@ pub fn characterise(
         working,
         stops,
     })
+}
+
+/// Far enough from the turns of a small cycle for friction to have turned over.
+fn in_middle(x: f64, amplitude: f64) -> bool {
+    x.abs() < 0.3 * amplitude
+}
+
+/// Half the height of the second cycle's loop about a spring of `stiffness`.
+fn half_height(r: &Record, amplitude: f64, stiffness: f64) -> f64 {
+    let k = r.test.axis.index();
+    let (mut height, mut n) = (0.0, 0.0);
+    for s in r.samples.iter().filter(|s| s.cycle == 1 && in_middle(s.deflection[k], amplitude)) {
+        height += (s.reaction[k] - stiffness * s.deflection[k]) * s.rate[k].signum();
+        n += 1.0;
+    }
+    if n > 0.0 { height / n } else { 0.0 }
+}
+
+/// The reaction where the stop begins, `way` out on the side of `sign`: the last two samples before it,
+/// prolonged.
+fn reaction_at_stop(stops: &Record, sign: f64, way: f64) -> f64 {
+    let k = stops.test.axis.index();
+    let mut before = stops
+        .samples
+        .iter()
+        .filter(|s| {
+            let x = s.deflection[k] * sign;
+            s.rate[k] * sign > 0.0 && x > 0.5 * way && x < way
+        })
+        .rev();
+    match (before.next(), before.next()) {
+        (Some(b), Some(a)) => {
+            let (xa, xb) = (a.deflection[k] * sign, b.deflection[k] * sign);
+            let t = if xb > xa { (way - xb) / (xb - xa) } else { 0.0 };
+            b.reaction[k] + t * (b.reaction[k] - a.reaction[k])
+        }
+        _ => 0.0,
+    }
 }
 
 /// Depth and force of the contact law, a place pressed in as a sine to `depth_m` and let go, moving

@@ -240,6 +240,17 @@ pub struct Forces {
     attenuator: AttenuatorForce,
 }
 
+/// Middle of a step, at which its forces are evaluated.
+#[derive(Clone, Copy, Debug)]
+pub struct Midpoint {
+    /// Mass centres of chaser, ring and target, m, world frame.
+    pub com: [DVec3; 3],
+    /// Time, s.
+    pub time_s: f64,
+    /// Length of the step, s.
+    pub h: f64,
+}
+
 /// Result of the midpoint solution of one kick.
 #[derive(Clone, Copy, Debug)]
 pub struct Kick {
@@ -409,18 +420,16 @@ impl System {
         })
     }
 
-    /// Forces for given twists of the three bodies (mass-centre velocity, angular velocity), whose
-    /// mass centres are at `com`.
+    /// Forces for given twists of the three bodies (mass-centre velocity, angular velocity).
     #[must_use]
     pub fn forces(
         &self,
         m: &Measured,
         state: &MechanismState,
-        com: &[DVec3; 3],
         twist: &[Twist; 3],
-        time_s: f64,
-        h: f64,
+        middle: &Midpoint,
     ) -> Forces {
+        let Midpoint { com, time_s, h } = *middle;
         let about = m.poses.x_wr.p;
         let at =
             |i: usize| Twist { v: twist[i].v + twist[i].w.cross(about - com[i]), w: twist[i].w };
@@ -552,22 +561,21 @@ impl System {
         touching + latches
     }
 
-    /// Solves the implicit midpoint of one kick of length `h` at frozen positions. `start` are the
-    /// twists before it, `external` wrenches about each mass centre; `response(i, w)` is the twist
-    /// that wrench `w` gives body `i` over `h`. With a rigid ring its twist follows the chaser's and
-    /// its wrench is added there.
+    /// Solves the implicit midpoint of one kick at frozen positions. `start` are the twists before it,
+    /// `external` wrenches about each mass centre; `response(i, w)` is the twist that wrench `w` gives
+    /// body `i` over the step. With a rigid ring its twist follows the chaser's and its wrench is added
+    /// there.
     #[expect(clippy::too_many_arguments, reason = "one call per engine")]
     pub fn solve_kick(
         &self,
         m: &Measured,
         state: &MechanismState,
-        com: &[DVec3; 3],
         start: &[Twist; 3],
         external: &[Wrench; 3],
-        time_s: f64,
-        h: f64,
+        middle: &Midpoint,
         response: impl Fn(usize, Wrench) -> Twist,
     ) -> Kick {
+        let com = &middle.com;
         let mut mid = *start;
         let mut wrench = [Wrench::ZERO; 3];
         let mut forces = Forces::default();
@@ -578,7 +586,7 @@ impl System {
                     w: mid[CHASER].w,
                 };
             }
-            forces = self.forces(m, state, com, &mid, time_s, h);
+            forces = self.forces(m, state, &mid, middle);
             let about = m.poses.x_wr.p;
             let to = |i: usize, w: Wrench| w.shifted(com[i] - about);
             let ring = forces.on_ring_from_attenuator + -forces.on_target;
@@ -602,15 +610,8 @@ impl System {
     }
 
     /// Carries the memory over the kick: bristles, brakes, latches, capture, losses.
-    pub fn commit(
-        &self,
-        state: &mut MechanismState,
-        m: &Measured,
-        com: &[DVec3; 3],
-        kick: &Kick,
-        time_s: f64,
-        h: f64,
-    ) {
+    pub fn commit(&self, state: &mut MechanismState, m: &Measured, kick: &Kick, middle: &Midpoint) {
+        let Midpoint { com, time_s, h } = *middle;
         let f = &kick.forces;
         state.losses.contact += f.contact_w * h;
         state.losses.friction += f.friction_w * h;

@@ -9,7 +9,7 @@ use docktwin_model::{Rig, RigidMass};
 
 use crate::{
     body::BodyState,
-    mechanism::{EnergyLosses, Forces, Measured, MechanismState, RING, System, TARGET},
+    mechanism::{EnergyLosses, Forces, Measured, MechanismState, Midpoint, RING, System, TARGET},
 };
 
 /// Wrenches on both sides, each at its mounting plane and in its axes, N and N·m.
@@ -249,20 +249,15 @@ impl Mounted {
         external[RING].f = self.gravity_m_s2 * mass[RING].mass();
         let time_s = self.time_s() + 0.5 * h;
         let ring = self.ring;
-        let kick = self.system.solve_kick(
-            &measured,
-            &self.state,
-            &com,
-            &start,
-            &external,
-            time_s,
-            h,
-            |i, w| match i {
-                RING if !rigid => ring.kick_response(&mass[RING], w, h),
-                _ => Twist::default(),
-            },
-        );
-        self.system.commit(&mut self.state, &measured, &com, &kick, time_s, h);
+        let middle = Midpoint { com, time_s, h };
+        let kick =
+            self.system.solve_kick(&measured, &self.state, &start, &external, &middle, |i, w| {
+                match i {
+                    RING if !rigid => ring.kick_response(&mass[RING], w, h),
+                    _ => Twist::default(),
+                }
+            });
+        self.system.commit(&mut self.state, &measured, &kick, &middle);
         if self.open {
             self.state.open();
         }
@@ -282,8 +277,8 @@ impl Mounted {
         let com = poses.map(|x| x.p);
         let measured = self.system.measure(&self.state, &poses);
         let twists = self.twists(x_bp, twist, com[TARGET]);
-        let forces =
-            self.system.forces(&measured, &self.state, &com, &twists, self.time_s(), self.step_s);
+        let middle = Midpoint { com, time_s: self.time_s(), h: self.step_s };
+        let forces = self.system.forces(&measured, &self.state, &twists, &middle);
         self.ports(&measured, &forces)
     }
 

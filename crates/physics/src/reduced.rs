@@ -4,11 +4,11 @@
 //! symplectic for the conservative part); the body programme alone is of fourth order (see
 //! [`crate::body`]). Kicks are equal and opposite at one point, so momentum is kept to rounding.
 
-use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
 
 use crate::{
     body::BodyState,
-    mechanism::{CHASER, Kick, Measured, MechanismState, RING, System, TARGET},
+    mechanism::{CHASER, Kick, Measured, MechanismState, Midpoint, RING, System, TARGET},
 };
 
 /// Control wrenches of a tick, about the mass centres, in body axes: F1, M1 and F2, M2.
@@ -96,17 +96,16 @@ impl DockingState {
         h.finish()
     }
 
-    /// Keeps the account of the control wrenches `external` (about the mass centres `com`, world
-    /// axes), the running maxima and the impulse of one kick. `time_s` is the middle of the step.
+    /// Keeps the account of the control wrenches `external` (about the mass centres, world axes), the
+    /// running maxima and the impulse of one kick.
     pub fn note(
         &mut self,
         measured: &Measured,
-        com: &[DVec3; 3],
         external: &[Wrench; 3],
         kick: &Kick,
-        time_s: f64,
-        h: f64,
+        middle: &Midpoint,
     ) {
+        let Midpoint { com, time_s, h } = *middle;
         for i in [CHASER, TARGET] {
             let (w, mid) = (&external[i], &kick.mid[i]);
             self.work_in_j += h * (w.f.dot(mid.v) + w.m.dot(mid.w));
@@ -200,18 +199,13 @@ impl System {
         let mut external = [Wrench::ZERO; 3];
         external[CHASER] = inputs.chaser.rotated(poses[CHASER].q);
         external[TARGET] = inputs.target.rotated(poses[TARGET].q);
-        let kick = self.solve_kick(
-            &measured,
-            &state.mechanism,
-            &com,
-            &start,
-            &external,
-            time_s,
-            h,
-            |i, w| state.bodies[i].kick_response(&mass[i], w, h),
-        );
-        self.commit(&mut state.mechanism, &measured, &com, &kick, time_s, h);
-        state.note(&measured, &com, &external, &kick, time_s, h);
+        let middle = Midpoint { com, time_s, h };
+        let kick =
+            self.solve_kick(&measured, &state.mechanism, &start, &external, &middle, |i, w| {
+                state.bodies[i].kick_response(&mass[i], w, h)
+            });
+        self.commit(&mut state.mechanism, &measured, &kick, &middle);
+        state.note(&measured, &external, &kick, &middle);
         for (i, (b, m)) in state.bodies.iter_mut().zip(mass).enumerate() {
             if self.rigid() && i == RING {
                 continue;

@@ -60,7 +60,7 @@ fn close(got: f64, want: f64, relative: f64, what: &str) {
 #[test]
 fn oracle_a_brake_in_series_with_a_spring_takes_4f_times_what_it_slips() {
     let (k, f, x) = (3e5, 2500.0, 0.05);
-    let mut c = common::channel(k, 0.0, 0.0, 0.2, 0.2, 1e6, 0.0);
+    let mut c = common::channel(k, [0.0, 0.0], [0.2, 0.2], 1e6, 0.0);
     // No damper and next to no viscosity: the element of the textbook.
     c.series_brake = Some(SeriesBrake { force: f, viscous: 500.0 });
     let m = with_axial(c.clone());
@@ -84,7 +84,7 @@ fn oracle_a_brake_in_series_with_a_spring_takes_4f_times_what_it_slips() {
 #[test]
 fn oracle_a_damper_takes_pi_c_omega_a_squared() {
     // Sine of amplitude A with speed Aω in the middle: π c (Aω) A.
-    let m = with_axial(common::channel(800.0, 100.0, 1000.0, 0.2, 0.2, 1e6, 0.0));
+    let m = with_axial(common::channel(800.0, [100.0, 1000.0], [0.2, 0.2], 1e6, 0.0));
     for (phase, c) in [(0.0, 100.0), (1.0, 1000.0), (0.5, 550.0)] {
         let t = Cycling { wave: Wave::Sine, damping_phase: phase, ..test(Axis::X, 0.03, 0.1) };
         let r = run(&m, &t).expect("runs");
@@ -95,7 +95,7 @@ fn oracle_a_damper_takes_pi_c_omega_a_squared() {
 #[test]
 fn oracle_loading_and_unloading_branches_enclose_their_difference() {
     // Branches 1000 x and 600 x: half their difference is lost like friction that grows with x.
-    let mut c = common::channel(1000.0, 0.0, 0.0, 0.2, 0.2, 1e6, 0.0);
+    let mut c = common::channel(1000.0, [0.0, 0.0], [0.2, 0.2], 1e6, 0.0);
     c.unloading = PiecewiseCurve { points: vec![[0.0, 0.0], [0.1, 60.0]] };
     c.branch_change = 1e-4;
     let (a, s) = (0.08, 1e-4);

@@ -286,10 +286,6 @@ pub fn compare(
         ],
     };
     let shift = zero[1] - zero[0];
-    let only = |x: &[Column], y: &[Column]| -> Vec<String> {
-        let same = |c: &&Column| y.iter().any(|d| d.name == c.name && d.kind == c.kind);
-        x.iter().filter(|c| !same(c)).map(|c| c.name.clone()).collect()
-    };
     let (mut pairs, mut states) = (Vec::new(), Vec::new());
     for (i, c) in a.columns().iter().enumerate() {
         let Some(j) = b.columns().iter().position(|d| d.name == c.name && d.kind == c.kind) else {
@@ -348,13 +344,21 @@ pub fn compare(
         return Err(absent(a, "a time in common with the other recording"));
     }
     out.columns = pairs.into_iter().map(|p| p.finish(out.ticks)).collect();
-    let rank = |c: &ColumnComparison| c.times_allowed.unwrap_or(-1.0);
-    out.columns.sort_by(|x, y| {
-        let of_peak = |c: &ColumnComparison| c.worst_of_peak.unwrap_or(0.0);
-        rank(y).total_cmp(&rank(x)).then(of_peak(y).total_cmp(&of_peak(x)))
-    });
+    worst_first(&mut out.columns);
     out.states = states.into_iter().map(|(_, _, s)| s).collect();
     Ok(out)
+}
+
+/// Names of the columns of `x` that `y` does not have.
+fn only(x: &[Column], y: &[Column]) -> Vec<String> {
+    let same = |c: &&Column| y.iter().any(|d| d.name == c.name && d.kind == c.kind);
+    x.iter().filter(|c| !same(c)).map(|c| c.name.clone()).collect()
+}
+
+fn worst_first(columns: &mut [ColumnComparison]) {
+    let rank = |c: &ColumnComparison| c.times_allowed.unwrap_or(-1.0);
+    let of_peak = |c: &ColumnComparison| c.worst_of_peak.unwrap_or(0.0);
+    columns.sort_by(|x, y| rank(y).total_cmp(&rank(x)).then(of_peak(y).total_cmp(&of_peak(x))));
 }
 
 fn new_pair(a: usize, b: usize, name: &str, sa: &Survey, tolerance: &Tolerance) -> Pair {

@@ -3,7 +3,7 @@
 use docktwin_core::{DVec3, Euler, Twist, Wrench};
 use docktwin_physics::{
     contact::ContactSample,
-    mechanism::{CHASER, Forces, Measured, RING, System, TARGET},
+    mechanism::{CHASER, Forces, Measured, Midpoint, RING, System, TARGET},
     outcome::Observation,
     reduced::{DockingState, Energy, Inputs},
 };
@@ -53,7 +53,8 @@ impl Instant {
         let mass = system.mass();
         let measured = system.measure(&state.mechanism, &poses);
         let twist: [Twist; 3] = core::array::from_fn(|i| state.bodies[i].twist(&mass[i]));
-        let forces = system.forces(&measured, &state.mechanism, &com, &twist, time_s, h);
+        let middle = Midpoint { com, time_s, h };
+        let forces = system.forces(&measured, &state.mechanism, &twist, &middle);
         let frames = *measured.poses();
         let about = frames.x_wr.p;
         let at = |i: usize, p: DVec3| Twist {

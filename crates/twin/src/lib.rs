@@ -15,7 +15,7 @@ pub mod rig;
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_physics::{
     body::BodyState,
-    mechanism::{CHASER, RING, System, TARGET},
+    mechanism::{CHASER, Midpoint, RING, System, TARGET},
     reduced::{DockingState, DockingTwin, Inputs},
 };
 use rapier3d_f64::prelude::{
@@ -141,18 +141,13 @@ impl DockingTwin for FullTwin {
         let mut external = [Wrench::ZERO; 3];
         external[CHASER] = inputs.chaser.rotated(poses[CHASER].q);
         external[TARGET] = inputs.target.rotated(poses[TARGET].q);
-        let kick = self.system.solve_kick(
-            &measured,
-            &self.memory.mechanism,
-            &com,
-            &start,
-            &external,
-            time_s,
-            h,
-            |i, w| bodies[i].kick_response(&mass[i], w, h),
-        );
-        self.system.commit(&mut self.memory.mechanism, &measured, &com, &kick, time_s, h);
-        self.memory.note(&measured, &com, &external, &kick, time_s, h);
+        let middle = Midpoint { com, time_s, h };
+        let memory = &self.memory.mechanism;
+        let kick = self.system.solve_kick(&measured, memory, &start, &external, &middle, |i, w| {
+            bodies[i].kick_response(&mass[i], w, h)
+        });
+        self.system.commit(&mut self.memory.mechanism, &measured, &kick, &middle);
+        self.memory.note(&measured, &external, &kick, &middle);
         self.memory.step += 1;
         for i in [CHASER, RING, TARGET] {
             if self.system.rigid() && i == RING {

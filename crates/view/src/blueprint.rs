@@ -169,37 +169,10 @@ pub(crate) fn docking(look: &Look) -> Layout {
             "/scene/active_ring/peaks",
         ],
     );
-    let log = Node::View {
-        class: "TextLog",
-        name: "Events",
-        origin: paths::EVENTS,
-        without: vec![],
-        properties: vec![(
-            "TextLogColumns",
-            Box::new(
-                TextLogColumns::new()
-                    .with_timeline_columns([TimelineColumn(bp_datatypes::TimelineColumn {
-                        timeline: paths::TIMELINE.into(),
-                        // Every text begins with its time.
-                        visible: false.into(),
-                    })])
-                    .with_text_log_columns([text_log_column(
-                        bp_datatypes::TextLogColumnKind::Body,
-                    )]),
-            ),
-        )],
-    };
     let table = if look.compared {
         tabs(vec![text("Contacts of A", paths::TABLE), text("Contacts of B", paths::GHOST_TABLE)])
     } else {
         text("Contacts", paths::TABLE)
-    };
-    let latches = Node::View {
-        class: "StateTimeline",
-        name: "Latch states",
-        origin: paths::LATCH_STATES,
-        without: vec![],
-        properties: vec![("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal)))],
     };
     Layout(Node::Container {
         kind: ContainerKind::Horizontal,
@@ -222,48 +195,87 @@ pub(crate) fn docking(look: &Look) -> Layout {
                                 kind: ContainerKind::Vertical,
                                 name: "",
                                 shares: vec![3.0, 2.0],
-                                children: vec![table, log],
+                                children: vec![table, log()],
                             },
                         ],
                     },
                 ],
             },
-            Node::Container {
-                kind: ContainerKind::Vertical,
-                name: "",
-                shares: vec![1.2, 1.1, 1.0, 1.0, 1.5, 1.2],
-                children: vec![
-                    row(vec![
-                        axes_plot("Force at e3, N (white: Σ contact)", paths::PORT_FORCE),
-                        axes_plot("Moment at e3, N·m", paths::PORT_MOMENT),
-                    ]),
-                    row(vec![
-                        plot("Gap of petals A1 A2 A3, mm", paths::GAP_ACTIVE, legend()),
-                        plot("Gap of petals P1' P2' P3', mm", paths::GAP_PASSIVE, legend()),
-                    ]),
-                    row(vec![
-                        tabs(vec![
-                            axes_plot("Position, m (X Y Z = r g b)", paths::POSITION),
-                            axes_plot("Velocity, m/s", paths::VELOCITY),
-                        ]),
-                        tabs(vec![
-                            axes_plot("Attitude, ° (roll pitch yaw)", paths::ATTITUDE),
-                            axes_plot("Rate, °/s", paths::RATE),
-                        ]),
-                    ]),
-                    row(vec![
-                        axes_plot("Ring deflection, mm", paths::RING_DEFLECTION),
-                        axes_plot("Ring tilt, ° (roll pitch yaw)", paths::RING_TILT),
-                    ]),
-                    row(vec![
-                        plot("Energy, J", paths::ENERGY, legend()),
-                        plot("Latch gaps, mm", paths::LATCH_GAP, legend()),
-                    ]),
-                    latches,
-                ],
-            },
+            plots(),
         ],
     })
+}
+
+/// What happened, without the viewer's own columns.
+fn log() -> Node {
+    Node::View {
+        class: "TextLog",
+        name: "Events",
+        origin: paths::EVENTS,
+        without: vec![],
+        properties: vec![(
+            "TextLogColumns",
+            Box::new(
+                TextLogColumns::new()
+                    .with_timeline_columns([TimelineColumn(bp_datatypes::TimelineColumn {
+                        timeline: paths::TIMELINE.into(),
+                        // Every text begins with its time.
+                        visible: false.into(),
+                    })])
+                    .with_text_log_columns([text_log_column(
+                        bp_datatypes::TextLogColumnKind::Body,
+                    )]),
+            ),
+        )],
+    }
+}
+
+/// Forces, gaps, motion, ring, energy and latches over time.
+fn plots() -> Node {
+    Node::Container {
+        kind: ContainerKind::Vertical,
+        name: "",
+        shares: vec![1.2, 1.1, 1.0, 1.0, 1.5, 1.2],
+        children: vec![
+            row(vec![
+                axes_plot("Force at e3, N (white: Σ contact)", paths::PORT_FORCE),
+                axes_plot("Moment at e3, N·m", paths::PORT_MOMENT),
+            ]),
+            row(vec![
+                plot("Gap of petals A1 A2 A3, mm", paths::GAP_ACTIVE, legend()),
+                plot("Gap of petals P1' P2' P3', mm", paths::GAP_PASSIVE, legend()),
+            ]),
+            row(vec![
+                tabs(vec![
+                    axes_plot("Position, m (X Y Z = r g b)", paths::POSITION),
+                    axes_plot("Velocity, m/s", paths::VELOCITY),
+                ]),
+                tabs(vec![
+                    axes_plot("Attitude, ° (roll pitch yaw)", paths::ATTITUDE),
+                    axes_plot("Rate, °/s", paths::RATE),
+                ]),
+            ]),
+            row(vec![
+                axes_plot("Ring deflection, mm", paths::RING_DEFLECTION),
+                axes_plot("Ring tilt, ° (roll pitch yaw)", paths::RING_TILT),
+            ]),
+            row(vec![
+                plot("Energy, J", paths::ENERGY, legend()),
+                plot("Latch gaps, mm", paths::LATCH_GAP, legend()),
+            ]),
+            latches(),
+        ],
+    }
+}
+
+fn latches() -> Node {
+    Node::View {
+        class: "StateTimeline",
+        name: "Latch states",
+        origin: paths::LATCH_STATES,
+        without: vec![],
+        properties: vec![("TimeAxis", Box::new(TimeAxis::new().with_link(LinkAxis::LinkToGlobal)))],
+    }
 }
 
 fn tabs(children: Vec<Node>) -> Node {

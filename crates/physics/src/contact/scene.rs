@@ -397,6 +397,7 @@ impl Scene {
 
     /// Measures all pairs. `x_wr` and `x_wp` are the world poses of the ring frames `r3` and `r4`.
     #[must_use]
+    #[expect(clippy::too_many_lines, reason = "one pass over all pairs")]
     pub fn measure(&self, state: &ContactState, x_wr: Pose, x_wp: Pose) -> Contacts {
         let x_rp = x_wr.inverse() * x_wp;
         let mut out = Contacts::none(&self.law, x_wr);
@@ -667,6 +668,7 @@ impl Scene {
     }
 
     #[expect(clippy::too_many_arguments, reason = "one call site")]
+    #[expect(clippy::too_many_lines, reason = "one search, its pieces share everything")]
     fn petal_petal(
         &self,
         a: &Petal,

@@ -45,10 +45,8 @@ pub fn line(k: f64, to: f64) -> PiecewiseCurve {
 
 pub fn channel(
     k: f64,
-    before: f64,
-    after: f64,
-    neg: f64,
-    pos: f64,
+    [before, after]: [f64; 2],
+    [neg, pos]: [f64; 2],
     stop: f64,
     sd: f64,
 ) -> AxisChannel {
@@ -72,11 +70,11 @@ pub fn attenuator() -> CharacteristicAttenuator {
         axial: AxisChannel {
             series_brake: Some(SeriesBrake { force: 2500.0, viscous: 500.0 }),
             dry_friction: 250.0,
-            ..channel(3e5, 4000.0, 4000.0, 0.15, 0.01, 1e6, 2000.0)
+            ..channel(3e5, [4000.0, 4000.0], [0.15, 0.01], 1e6, 2000.0)
         },
-        lateral: channel(800.0, 100.0, 1000.0, 0.12, 0.12, 1e5, 2000.0),
-        tilt: channel(1000.0, 60.0, 2500.0, 10.0 * deg, 10.0 * deg, 5e4, 1000.0),
-        roll: channel(600.0, 60.0, 1500.0, 15.0 * deg, 15.0 * deg, 5e4, 1000.0),
+        lateral: channel(800.0, [100.0, 1000.0], [0.12, 0.12], 1e5, 2000.0),
+        tilt: channel(1000.0, [60.0, 2500.0], [10.0 * deg, 10.0 * deg], 5e4, 1000.0),
+        roll: channel(600.0, [60.0, 1500.0], [15.0 * deg, 15.0 * deg], 5e4, 1000.0),
         damping_ramp_s: 0.2,
     }
 }

@@ -166,6 +166,7 @@ fn petal_points(g: &PetalGeometry, i: u32) -> Vec<DVec3> {
 }
 
 /// Writes the made-up run until `end_s`; gives the time each frame took to write, s.
+#[expect(clippy::too_many_lines, reason = "one recording, told from its begin to its end")]
 pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<Vec<f64>, ViewError> {
     let (chaser, target, m) = (chaser(), target(), mechanism());
     let scene = SceneModel { scenario: "made_up", chaser: &chaser, target: &target, mechanism: &m };
