@@ -15,7 +15,7 @@ use docktwin_run::{
 };
 use docktwin_scenario::Scenario;
 
-use crate::{cli::not_negative, failure::Failure};
+use crate::{args::not_negative, failure::Failure};
 
 /// How long a viewer may take over what is left when the run has ended.
 const LIVE_PATIENCE: Duration = Duration::from_secs(10);

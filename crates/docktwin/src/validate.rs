@@ -21,10 +21,10 @@ use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare};
 
 use self::comparison::Answer;
 use crate::{
-    cli::Align,
-    commands::{new_directory, overrides},
     failure::{Failure, OTHERWISE},
-    view,
+    inputs::overrides,
+    results::new_directory,
+    view::{Align, save_two},
 };
 
 /// `validate …`.
@@ -158,7 +158,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         names.push(name);
     }
     let align = if found.summary.aligned { Align::FirstContact } else { Align::Start };
-    view::save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
+    save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
     names.extend(["crosscheck.rrd".to_owned(), "comparison.json".to_owned()]);
     let answer = Answer::new(&found);
     let text = serde_json::to_string_pretty(&answer).unwrap_or_default();

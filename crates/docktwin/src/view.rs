@@ -5,6 +5,7 @@ use std::{
     process::{Command, ExitCode, Stdio},
 };
 
+use clap::{Args, ValueEnum};
 use docktwin::playback::{pair_names, play, scene_model};
 use docktwin_core::{SimTime, Tick};
 use docktwin_model::{DockingMechanism, SideGeometry};
@@ -14,13 +15,53 @@ use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_view::{SceneWriter, VIEWER_VERSION, is_whole};
 use serde_json::json;
 
-use crate::{
-    cli::{Align, ViewArgs},
-    failure::Failure,
-};
+use crate::failure::Failure;
 
 /// Names the viewer, where it is not `rerun` on the path. Not `RERUN`: rerun itself reads that one.
 const VIEWER: &str = "DOCKTWIN_VIEWER";
+
+pub(crate) const EXAMPLES: &str = "\
+The viewer is `rerun` on the path, in the version that run.rrd is written for; it is started with
+its usage statistics off and the user's own configuration untouched. A run.rrd that is missing, cut
+or of a killed run is made again from run.mcap.
+
+Examples:
+  docktwin view runs/fast
+  docktwin view runs/fast --at 0.15                 as it was 0.15 s after the start
+  docktwin view runs/fast --save fast.rrd           for another machine
+  docktwin view --compare runs/fast runs/wide --align first-contact";
+
+/// Options of `view`.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// Run directory
+    #[arg(required_unless_present = "compare")]
+    run: Option<PathBuf>,
+    /// Lay run B over run A, as a grey ghost
+    #[arg(long, num_args = 2, value_names = ["RUN_A", "RUN_B"], conflicts_with = "run")]
+    compare: Vec<PathBuf>,
+    /// What the two runs have in common in time
+    #[arg(long, value_enum, default_value_t = Align::Start, requires = "compare")]
+    align: Align,
+    /// Show the run only up to this simulated time: the viewer opens there
+    #[arg(long, value_name = "TIME_S", allow_negative_numbers = true)]
+    at: Option<f64>,
+    /// Write the recording for the viewer to this file instead of opening it
+    #[arg(long, value_name = "FILE.rrd")]
+    save: Option<PathBuf>,
+    /// The viewer's program [default: DOCKTWIN_VIEWER of the environment, or `rerun`]
+    #[arg(long, value_name = "PATH")]
+    viewer: Option<PathBuf>,
+}
+
+/// What two runs share in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Align {
+    /// Their start
+    Start,
+    /// Their first contact
+    FirstContact,
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &ViewArgs, json: bool) -> Result<ExitCode, Failure> {

@@ -7,11 +7,23 @@ use docktwin_plot::{Axis, Bar, Colour, Dash, Lane, Line, Plot, PlotError};
 use docktwin_study::rig::{Dof, Frequency, Span, frequency};
 
 use super::{
-    Results,
     plots::sheet,
-    rig::{PLACE_COLUMNS, build, load, place_csv, title},
+    rig::{PLACE_COLUMNS, RigArgs, build, load, place_csv, title},
 };
-use crate::{cli::RigArgs, failure::Failure};
+use crate::{failure::Failure, results::Results};
+
+pub(super) const EXAMPLES: &str = "\
+The plate on six oil springs, valves closed. Of every degree of freedom the natural frequency
+with the other five held, and the six modes, at 729 places of the docking workspace: middle,
+corners, edges and faces.
+
+The directory holds frequency.csv, frequency.svg (Fig. 31 to 36 of the paper) and frequency.json
+(what --json prints).
+
+Examples:
+  docktwin analyze frequency models/urdf/stewart.toml
+  docktwin analyze frequency models/urdf/stewart.toml --preset stiff --out stiff --json
+  docktwin analyze frequency models/urdf/stewart.toml --seed 7   a drawn rig";
 
 /// Runs the command.
 pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {

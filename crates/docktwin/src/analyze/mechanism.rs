@@ -2,12 +2,9 @@
 
 mod plots;
 
-use std::{
-    fmt::Write as _,
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{fmt::Write as _, path::PathBuf, process::ExitCode};
 
+use clap::{Args, ValueEnum};
 use docktwin_model::{AttenuationChoice, load_mechanism};
 use docktwin_physics::bench::{self, Axis, Others, Record};
 use docktwin_study::mechanism::{
@@ -15,11 +12,49 @@ use docktwin_study::mechanism::{
     MechanismSummary, PoseMatrices, StabilityLoss, TestFigures, attenuation, mechanism,
 };
 
-use crate::{
-    analyze::{Results, say},
-    cli::{AttenuationArg, MechanismArgs},
-    failure::Failure,
-};
+use crate::{analyze::say, args::AxisArg, failure::Failure, inputs::sides, results::Results};
+
+pub(super) const EXAMPLES: &str = "\
+The ring is moved along one axis at a time, to and fro: in its soft travel, over its travel,
+into the end stops, and at the speed of a docking before and after capture. X is moved with the
+other axes held, the others with the ring free in the remaining ones, and held for comparison.
+
+The directory holds loop_AXIS.csv and .svg (Fig. 6 to 9 of the paper), matrices.csv (stiffness
+and damping about several poses), coupling.svg, contact.csv and .svg, and mechanism.json (what
+--json prints).
+
+Examples:
+  docktwin analyze mechanism models/urdf/apas_active.urdf
+  docktwin analyze mechanism models/urdf/apas_active.toml --attenuation differential --out bench
+  docktwin analyze mechanism mine.urdf --passive theirs.urdf --axis x --axis roll --json";
+
+/// Options of `analyze mechanism`.
+#[derive(Debug, Args)]
+pub(crate) struct MechanismArgs {
+    /// URDF or TOML of a side of the mechanism, the other side beside it
+    mechanism: PathBuf,
+    /// URDF or TOML of the passive side [default: beside the active one, of the same name]
+    #[arg(long, value_name = "FILE")]
+    passive: Option<PathBuf>,
+    /// What carries the ring [default: as the file says]
+    #[arg(long, value_enum)]
+    attenuation: Option<AttenuationArg>,
+    /// Axis to test, repeatable [default: all]
+    #[arg(long, value_enum)]
+    axis: Vec<AxisArg>,
+    /// Directory of the results; by default a new one under `analysis`.
+    #[arg(long, value_name = "DIR", help = "Directory [default: analysis/<mechanism>-<utc>]")]
+    out: Option<PathBuf>,
+}
+
+/// What carries the ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AttenuationArg {
+    /// A table for every axis
+    Characteristic,
+    /// Six screw legs, coupled by differentials
+    Differential,
+}
 
 /// Runs the command.
 pub(super) fn run(args: &MechanismArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -47,28 +82,6 @@ pub(super) fn run(args: &MechanismArgs, json: bool) -> Result<ExitCode, Failure>
     out.save("contact.csv".to_owned(), &contact_csv(&found.contact_loops))?;
     out.plots(plots::all(&found))?;
     out.finish("mechanism", &found.summary, &words(&found), json)
-}
-
-/// Both sides of a mechanism from any of its files.
-pub(crate) fn sides(file: &Path, passive: Option<&Path>) -> Result<(PathBuf, PathBuf), Failure> {
-    let urdf = file.with_extension("urdf");
-    if let Some(p) = passive {
-        return Ok((urdf, p.with_extension("urdf")));
-    }
-    let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let beside = |s: &str, side: &str| urdf.with_file_name(format!("{s}{side}.urdf"));
-    if let Some(s) = stem.strip_suffix("_active") {
-        return Ok((urdf.clone(), beside(s, "_passive")));
-    }
-    if let Some(s) = stem.strip_suffix("_passive") {
-        return Ok((beside(s, "_active"), urdf.clone()));
-    }
-    Err(Failure::Usage {
-        what: format!("`{}` does not say which side of a mechanism it is", file.display()),
-        remedy: "give the file of the active side and --passive FILE, or name the two \
-                 …_active.urdf and …_passive.urdf"
-            .to_owned(),
-    })
 }
 
 const DEFLECTION: [&str; 6] =
@@ -298,19 +311,4 @@ fn stability_words(u: &StabilityLoss, [x, force]: [&str; 2]) -> String {
         say(u.reaction, force),
         u.weakest_axis.name()
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn oracle_sides_are_found_from_any_file() {
-        let pair = |f: &str| sides(Path::new(f), None).ok();
-        let want = Some((PathBuf::from("m/a_active.urdf"), PathBuf::from("m/a_passive.urdf")));
-        for f in ["m/a_active.urdf", "m/a_active.toml", "m/a_passive.toml", "m/a_passive.urdf"] {
-            assert_eq!(pair(f), want, "{f}");
-        }
-        assert_eq!(pair("m/ring.urdf"), None);
-    }
 }

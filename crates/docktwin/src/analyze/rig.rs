@@ -1,9 +1,28 @@
 //! What the analyses of a rig have in common.
 
+use std::path::PathBuf;
+
+use clap::Args;
 use docktwin_model::{DockingWorkspace, Place, Problem, Rig, load_rig};
 use docktwin_study::rig::{Build, Dof, LegControl, LegSetting, SubjectSummary};
 
-use crate::{cli::RigArgs, failure::Failure};
+use crate::{args::PresetArg, failure::Failure};
+
+/// What every analysis of a rig can be told.
+#[derive(Debug, Args)]
+pub(crate) struct RigArgs {
+    /// TOML or URDF of the rig, the other beside it
+    pub(super) rig: PathBuf,
+    /// Oil volume [default: as the file says; `stiffness`: all]
+    #[arg(long, value_enum)]
+    pub(super) preset: Option<PresetArg>,
+    /// Draw the rig as built within the spread of its file; controllers still believe the file
+    #[arg(long, value_name = "N")]
+    pub(super) seed: Option<u64>,
+    /// Directory of the results; by default a new one under `analysis`.
+    #[arg(long, value_name = "DIR", help = "Directory [default: analysis/<rig>-<command>-<utc>]")]
+    pub(super) out: Option<PathBuf>,
+}
 
 /// Which rig the arguments ask for.
 pub(super) fn build(args: &RigArgs) -> Build {

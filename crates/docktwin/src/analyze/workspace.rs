@@ -13,12 +13,30 @@ use docktwin_study::rig::{
 use docktwin_view::RigWriter;
 
 use super::{
-    Results,
     plots::sheet,
-    rig::{PLACE_COLUMNS, build, half_width, load, place_csv, title},
+    rig::{PLACE_COLUMNS, RigArgs, build, half_width, load, place_csv, title},
     say,
 };
-use crate::{cli::RigArgs, failure::Failure};
+use crate::{failure::Failure, results::Results};
+
+pub(super) const EXAMPLES: &str = "\
+Reach is where every stroke and joint has room and no singular pose is near, found on straight
+ways from the middle. The docking workspace is checked at 729 places: middle, corners, edges and
+faces. Tolerance is what the length error of the file makes of the pose at the worst place;
+payload is what can be added before a leg needs more than its force. A rig that does not reach
+its docking workspace is refused with every leg and place (exit code 2), as by `docktwin model
+check`.
+
+The directory holds workspace.csv (every place), sections.csv, workspace.svg (Fig. 30 of the
+paper), workspace.json (what --json prints), and rig.rrd for the viewer: the rig on its way through
+all corners, legs coloured by what is left of their strokes, docking workspace inside the reachable
+one.
+
+Examples:
+  docktwin analyze workspace models/urdf/stewart.toml
+  docktwin analyze workspace mine.toml --out reach --json
+  docktwin view reach                                              the rig in the viewer
+  docktwin analyze workspace models/urdf/stewart.toml --seed 7     as built: another plate mass";
 
 /// Runs the command.
 pub(super) fn run(args: &RigArgs, json: bool) -> Result<ExitCode, Failure> {

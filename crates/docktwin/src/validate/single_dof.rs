@@ -13,9 +13,10 @@ use docktwin_study::single_dof::{
 };
 
 use crate::{
-    analyze::{Results, mechanism::sides},
-    cli::PresetArg,
+    args::PresetArg,
     failure::{Failure, OTHERWISE},
+    inputs::sides,
+    results::Results,
 };
 
 pub(super) const EXAMPLES: &str = "\

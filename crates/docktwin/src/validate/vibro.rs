@@ -19,6 +19,10 @@ use docktwin_model::{
 };
 use docktwin_plot::{Axis as PlotAxis, Colour, Dash, Line, Plot, PlotError};
 use docktwin_rigport::{in_process::InProcess, rig::Rig};
+use docktwin_run::{
+    PERIOD_NS,
+    rig_place::{RigPlace, best_effort, compensation, confirm, connect, new_session, patience},
+};
 use docktwin_scenario::{CompensatorChoice, resolve_path};
 use docktwin_study::{
     Progress,
@@ -32,13 +36,11 @@ use docktwin_study::{
 use serde_json::{Value, json};
 
 use crate::{
-    analyze::{Results, plots::sheet},
-    cli::{ClockArg, PresetArg, compensator, not_negative},
+    analyze::plots::sheet,
+    args::{ClockArg, LedArgs, PresetArg, compensator, not_negative},
     failure::{Failure, OTHERWISE},
     observers::AtTerminal,
-    rigs::{
-        LedArgs, PERIOD_NS, RigPlace, best_effort, compensation, connect, new_session, patience,
-    },
+    results::Results,
 };
 
 pub(super) const EXAMPLES: &str = "\
@@ -143,7 +145,7 @@ struct Bench<'a> {
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
     let bench = Bench::new(args)?;
     let mut operator = AtTerminal { yes: args.led.yes, quiet: json };
-    docktwin_run::rig_place::confirm(&mut operator, &args.rig)?;
+    confirm(&mut operator, &args.rig)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
     let models =
         VibroModels { rig: &bench.rig, stick: &bench.stick, spacecraft: &bench.spacecraft };
