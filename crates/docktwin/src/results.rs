@@ -5,7 +5,7 @@ use std::{
     process::ExitCode,
 };
 
-use docktwin_plot::PlotError;
+use docktwin_report::study::{NamedText, PlotError};
 use docktwin_study::Progress;
 use serde::Serialize;
 
@@ -55,7 +55,12 @@ impl Results {
         self.directory.join(name)
     }
 
-    pub(crate) fn save(&mut self, name: String, text: &str) -> Result<(), Failure> {
+    /// Saves texts under their names.
+    pub(crate) fn tables(&mut self, all: Vec<NamedText>) -> Result<(), Failure> {
+        all.into_iter().try_for_each(|(name, text)| self.save(name, &text))
+    }
+
+    fn save(&mut self, name: String, text: &str) -> Result<(), Failure> {
         let path = self.directory.join(&name);
         std::fs::write(&path, text).map_err(|e| unwritable(&path, &e))?;
         self.files.push(name);
@@ -65,14 +70,14 @@ impl Results {
     /// Saves plots with their file names.
     pub(crate) fn plots(
         &mut self,
-        drawn: Result<Vec<(String, String)>, PlotError>,
+        drawn: Result<Vec<NamedText>, PlotError>,
     ) -> Result<(), Failure> {
         let drawn = drawn.map_err(|e| Failure::Usage {
             what: format!("a plot could not be drawn: {e}"),
             remedy: "check the sizes and stiffnesses in the file; the CSV files are written"
                 .to_owned(),
         })?;
-        drawn.into_iter().try_for_each(|(name, svg)| self.save(name, &svg))
+        self.tables(drawn)
     }
 
     /// Saves the answer as JSON, and prints it, for a script or in words.

@@ -2,8 +2,6 @@
 //! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
 //! simulation against the simulated system.
 
-mod comparison;
-mod plots;
 mod second;
 mod single_dof;
 mod vibro;
@@ -15,11 +13,11 @@ use std::{
 
 use clap::{Args, Subcommand};
 use docktwin_record::{RecordError, files, read_table};
+use docktwin_report::study::crosscheck::{Answer, plots};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
 use docktwin_scenario::load_scenario;
 use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare};
 
-use self::comparison::Answer;
 use crate::{
     failure::{Failure, OTHERWISE},
     inputs::overrides,
@@ -150,7 +148,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     ];
     let found = compare(&scenario.name, &result, &sides);
     let mut names = Vec::new();
-    for (name, svg) in plots::all(&found, &sides).map_err(|e| Failure::Usage {
+    for (name, svg) in plots(&found, &sides).map_err(|e| Failure::Usage {
         what: format!("a plot could not be drawn: {e}"),
         remedy: "the runs are written; `docktwin diff` compares them".to_owned(),
     })? {
