@@ -6,7 +6,7 @@ use std::{
 };
 
 use clap::Args;
-use docktwin::viewer_file::ViewerFile;
+use docktwin_playback::ViewerFile;
 use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_rigport::rig::Rig;
 use docktwin_run::{
@@ -18,7 +18,7 @@ use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
 
 use crate::{
     args::{LedArgs, compensator, not_negative},
-    company::{LiveArgs, LiveViewer, PilotArgs},
+    company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE, STOPPED},
     inputs::overrides,
     observers::{AtTerminal, Bar, PilotLine},
@@ -149,7 +149,7 @@ fn go(
         }
     }?;
     if !json {
-        live.iter().for_each(LiveViewer::report);
+        live.iter().for_each(tell_live);
     }
     Ok(summary)
 }

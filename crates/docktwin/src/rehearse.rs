@@ -6,14 +6,14 @@ use std::{
 };
 
 use clap::Args;
-use docktwin::viewer_file::ViewerFile;
+use docktwin_playback::ViewerFile;
 use docktwin_record::{Summary, Verdict};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, signals::columns};
 use docktwin_scenario::{Expect, load_scenario};
 
 use crate::{
     args::TwinArg,
-    company::{LiveArgs, LiveViewer, PilotArgs},
+    company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE},
     inputs::overrides,
     observers::{Bar, PilotLine},
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
         // A summary always serialises; a defect would show as an empty object.
         println!("{}", serde_json::to_value(&summary).unwrap_or_default());
     } else {
-        live.iter().for_each(LiveViewer::report);
+        live.iter().for_each(tell_live);
         print(&summary, &scenario.expect, &out);
         println!("Replay it with: docktwin replay {}", out.display());
     }

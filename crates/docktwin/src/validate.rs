@@ -12,6 +12,7 @@ use std::{
 };
 
 use clap::{Args, Subcommand};
+use docktwin_playback::Align;
 use docktwin_record::{RecordError, files, read_table};
 use docktwin_report::study::crosscheck::{Answer, plots};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
@@ -22,7 +23,7 @@ use crate::{
     failure::{Failure, OTHERWISE},
     inputs::overrides,
     results::new_directory,
-    view::{Align, save_two},
+    view::save_two,
 };
 
 /// `validate …`.
