@@ -2,7 +2,6 @@
 //! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
 //! simulation against the simulated system.
 
-mod second;
 mod single_dof;
 mod vibro;
 
@@ -17,7 +16,7 @@ use docktwin_record::{RecordError, files, read_table};
 use docktwin_report::study::crosscheck::{Answer, plots};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
 use docktwin_scenario::load_scenario;
-use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare};
+use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare, record};
 
 use crate::{
     failure::{Failure, OTHERWISE},
@@ -139,7 +138,8 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         step_ms: args.step_ms,
         cache: cache.as_deref(),
     })?;
-    let their_summary = second::record(&scenario, &result, &tables, &theirs)?;
+    let now = jiff::Timestamp::now().as_nanosecond();
+    let their_summary = record(&scenario, &result, &tables, &theirs, now)?;
     // All of it is in the run directory now.
     let _ = std::fs::remove_dir_all(&tables);
 
