@@ -24,7 +24,6 @@ use crate::{
 /// Steps of the simulated system in a tick of 1 ms, as the reduced twin has by default.
 const STEPS: u32 = 10;
 /// Ticks that a contact may be interrupted for.
-#[expect(clippy::cast_possible_truncation, reason = "20")]
 const GAP_TICKS: usize = (CONTACT_GAP_NS / PERIOD_NS) as usize;
 /// Ticks before first contact, and after its end, at which speeds are compared.
 const SPEED_BEFORE: usize = 5;
