@@ -8,11 +8,11 @@ mod retract;
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, Subcommand};
+use docktwin_run::rig_place::RigPlace;
 
 use crate::{
-    cli::PresetArg,
+    args::{AxisArg, LedArgs, PresetArg, RealtimeArgs},
     failure::Failure,
-    rigs::{LedArgs, RealtimeArgs, RigPlace},
 };
 
 /// `rig …`.
@@ -163,7 +163,7 @@ pub(crate) struct IdentifyArgs {
     measure: MeasureArgs,
     /// Degree of freedom whose response is measured, repeatable [default: all]
     #[arg(long, value_enum)]
-    dof: Vec<crate::cli::AxisArg>,
+    dof: Vec<AxisArg>,
     /// Free way along X about the place, mm; a shorter one tells less of the flow gain
     #[arg(long, value_name = "MM", default_value_t = 200.0, value_parser = room_mm)]
     room_mm: f64,

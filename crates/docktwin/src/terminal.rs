@@ -4,8 +4,8 @@ use core::fmt;
 use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crossterm::terminal::is_raw_mode_enabled;
 use docktwin_model::input::plain;
+use docktwin_pilot::has_terminal;
 
 /// Whether a lost output was told.
 static TOLD: AtomicBool = AtomicBool::new(false);
@@ -15,7 +15,7 @@ static TOLD: AtomicBool = AtomicBool::new(false);
 pub(crate) fn line(mut to: impl Write, text: fmt::Arguments<'_>) {
     let mut text = plain(&text.to_string()) + "\n";
     // While a pilot has the terminal, it begins no line by itself.
-    if is_raw_mode_enabled().unwrap_or(false) {
+    if has_terminal() {
         text = text.replace('\n', "\r\n");
     }
     let said = to.write_all(text.as_bytes()).and_then(|()| to.flush());

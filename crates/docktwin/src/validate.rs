@@ -2,9 +2,6 @@
 //! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
 //! simulation against the simulated system.
 
-mod comparison;
-mod plots;
-mod second;
 mod single_dof;
 mod vibro;
 
@@ -14,17 +11,18 @@ use std::{
 };
 
 use clap::{Args, Subcommand};
+use docktwin_playback::Align;
 use docktwin_record::{RecordError, files, read_table};
+use docktwin_report::study::crosscheck::{Answer, plots};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
 use docktwin_scenario::load_scenario;
-use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare};
+use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare, record};
 
-use self::comparison::Answer;
 use crate::{
-    cli::Align,
-    commands::{new_directory, overrides},
     failure::{Failure, OTHERWISE},
-    view,
+    inputs::overrides,
+    results::new_directory,
+    view::save_two,
 };
 
 /// `validate …`.
@@ -140,7 +138,8 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         step_ms: args.step_ms,
         cache: cache.as_deref(),
     })?;
-    let their_summary = second::record(&scenario, &result, &tables, &theirs)?;
+    let now = jiff::Timestamp::now().as_nanosecond();
+    let their_summary = record(&scenario, &result, &tables, &theirs, now)?;
     // All of it is in the run directory now.
     let _ = std::fs::remove_dir_all(&tables);
 
@@ -150,7 +149,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     ];
     let found = compare(&scenario.name, &result, &sides);
     let mut names = Vec::new();
-    for (name, svg) in plots::all(&found, &sides).map_err(|e| Failure::Usage {
+    for (name, svg) in plots(&found, &sides).map_err(|e| Failure::Usage {
         what: format!("a plot could not be drawn: {e}"),
         remedy: "the runs are written; `docktwin diff` compares them".to_owned(),
     })? {
@@ -158,7 +157,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         names.push(name);
     }
     let align = if found.summary.aligned { Align::FirstContact } else { Align::Start };
-    view::save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
+    save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
     names.extend(["crosscheck.rrd".to_owned(), "comparison.json".to_owned()]);
     let answer = Answer::new(&found);
     let text = serde_json::to_string_pretty(&answer).unwrap_or_default();

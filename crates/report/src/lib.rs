@@ -1,5 +1,5 @@
 //! One self-contained HTML page of a run: verdict, summary, pictures of the key moments, plots, and
-//! every contact in words.
+//! every contact in words. And what studies found as tables, plots and words: [`study`].
 //!
 //! It reads a run directory as [`docktwin_record`] writes it and works on what is left of one: no
 //! summary, a cut log, missing models. The page says what is missing, and up to when it can be
@@ -27,6 +27,7 @@ mod moments;
 mod page;
 mod picture;
 mod story;
+pub mod study;
 mod words;
 
 use std::fs;
