@@ -77,9 +77,10 @@ fn root() -> PathBuf {
 /// The tests that hold the pages against the code write them instead.
 fn docs_tables(root: &Path) -> Result<(), String> {
     let mut tests = shell::cargo(root, &["test", "--quiet", "-p", "docktwin-model"]);
-    tests.args(["-p", "docktwin-run", "--test", "models_page", "--test", "signals_page"]);
+    tests.args(["-p", "docktwin-scenario", "-p", "docktwin-run"]);
+    tests.args(["--test", "models_page", "--test", "scenarios_page", "--test", "signals_page"]);
     shell::run(tests.env("UPDATE_DOCS", "1"))?;
-    println!("docs/models.md, docs/signals.md");
+    println!("docs/models.md, docs/scenarios.md, docs/signals.md");
     Ok(())
 }
 

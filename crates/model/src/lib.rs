@@ -41,6 +41,7 @@ mod rig;
 mod rig_check;
 pub mod sources;
 mod spacecraft;
+mod spacecraft_check;
 mod text;
 pub mod toml_check;
 mod urdf;

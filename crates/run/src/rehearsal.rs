@@ -18,7 +18,7 @@ use crate::{
     control::{Coasting, Control, Situation, TimedThrusts},
     error::{RunError, SinkError},
     event::RunEvent,
-    observer::{Asked, Observed, Observer, pair_name, recorded_outcome},
+    observer::{Asked, Observed, Observer, pair_name},
     progress::Progress,
     provenance::digest_keys,
     setup::{start, tick_digest},
@@ -131,6 +131,9 @@ impl<'a> Rehearsal<'a> {
             if control.ended() {
                 run.end();
             }
+            if let Some(by) = control.stopped() {
+                run.stop(&format!("stopped by {by}"));
+            }
             let wrenches = if run.last { Inputs::default() } else { control.wrenches(&now) };
             run.tick(&wrenches);
             if run.tick.is_multiple_of(PROGRESS_TICKS) {
@@ -176,9 +179,16 @@ impl<'a> Rehearsal<'a> {
             tick: 0,
             last: false,
             ended: false,
+            stopped: None,
             lost: None,
         })
     }
+}
+
+/// A body whose state is not finite.
+fn not_finite(now: &Instant) -> Option<&'static str> {
+    let bodies = ["chaser", "docking ring", "target"].into_iter().zip(&now.state.bodies);
+    bodies.into_iter().find(|(_, b)| !b.is_finite()).map(|(name, _)| name)
 }
 
 fn metadata(
@@ -258,6 +268,8 @@ pub struct RunningRehearsal<'a, S> {
     tick: u64,
     last: bool,
     ended: bool,
+    /// Why it was stopped before its end.
+    stopped: Option<String>,
     lost: Option<SinkError>,
 }
 
@@ -295,6 +307,12 @@ impl<S: Sink> RunningRehearsal<'_, S> {
     /// Lets the tick to come be the last: it is recorded, and nothing moves any more.
     pub const fn end(&mut self) {
         self.last = true;
+    }
+
+    /// Stops the run: the tick to come is the last, and its outcome is `stopped` for this reason.
+    pub fn stop(&mut self, why: &str) {
+        self.last = true;
+        self.stopped.get_or_insert_with(|| why.to_owned());
     }
 
     /// Where the sink failed first.
@@ -347,8 +365,17 @@ impl<S: Sink> RunningRehearsal<'_, S> {
         let begin = WallInstant::now();
         self.twin.tick(&wrenches);
         self.observer.time_steps(begin.elapsed().as_nanos(), self.twin.steps());
+        let before = self.tick;
         self.tick += 1;
         *self.now = self.twin.instant(self.time().seconds());
+        if let Some(body) = not_finite(&self.now) {
+            // Nothing of it is recorded.
+            self.stop(&format!(
+                "the state of the {body} is not finite after tick {before}: look at masses, inertias and \
+                 stiffness, or take more steps in a tick (run.steps_per_tick)"
+            ));
+            self.ended = true;
+        }
     }
 
     /// Observes the present instant and hands it to the sink.
@@ -390,9 +417,14 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             Asked { scenario: &self.scenario.name, expect: &self.scenario.expect, seed: self.seed };
         let mut summary =
             self.observer.summary(&asked, &self.now.state, &judgement, self.tick, time);
+        let mut reason = judgement.reason;
+        if let Some(why) = self.stopped.take() {
+            summary.stop(&why);
+            reason = why;
+        }
         self.events.push(RunEvent::Outcome {
-            outcome: recorded_outcome(judgement.outcome),
-            reason: judgement.reason,
+            outcome: summary.outcome,
+            reason,
             decided_s: judgement.time_s,
         });
         if let Err(e) = self.recorder.events(&mut self.sink, &mut self.events, tick, time) {

@@ -204,6 +204,11 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         summary.step_us = step_summary(ended);
         summary.fidelity = Some(self.meter.fidelity());
         summary.safety = Some(safety_summary(ended));
+        let mut reason = judgement.reason;
+        if let (Some(by), None) = (ended.stopped, ended.end.trip) {
+            reason = format!("stopped by {by}");
+            summary.stop(&reason);
+        }
         if let Some(why) = &ended.lacking {
             summary.degrade(why);
         }
@@ -212,7 +217,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         }
         self.events.push(RunEvent::Outcome {
             outcome: summary.outcome,
-            reason: judgement.reason,
+            reason,
             decided_s: judgement.time_s,
         });
         let kept = self.recorder.events(&mut self.sink, &mut self.events, Tick(last), time);
