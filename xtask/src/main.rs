@@ -26,7 +26,7 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   cargo xtask test                     before every push; .ci/run calls exactly this
-  cargo xtask test --only scenarios    one step again, while mending it
+  cargo xtask test --only scenarios    one step again, while you fix it
   cargo xtask meshes                   after a change of a ring, a petal or a hull
   cargo xtask docs                     the public API, as HTML under target/doc
   cargo xtask docs-tables              after a change of a key of the models or of a signal";
@@ -74,7 +74,7 @@ fn root() -> PathBuf {
     here.parent().unwrap_or(here).to_owned()
 }
 
-/// The tests that hold the pages against the code write them instead.
+/// With UPDATE_DOCS the tests that compare the pages with the code write the pages instead.
 fn docs_tables(root: &Path) -> Result<(), String> {
     let mut tests = shell::cargo(root, &["test", "--quiet", "-p", "docktwin-model"]);
     tests.args(["-p", "docktwin-scenario", "-p", "docktwin-run"]);

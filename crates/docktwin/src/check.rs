@@ -156,7 +156,7 @@ fn check_scenario(file: &Path, set: &[String], json: bool) -> Result<ExitCode, F
         let notes: Vec<String> = scenario.notes.iter().map(|n| n.to_string()).collect();
         println!("{}", serde_json::json!({ "scenario": scenario.name, "notes": notes }));
     } else {
-        scenario.notes.iter().for_each(|n| println!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| println!("{} {n}", n.word()));
         println!(
             "{}: nothing to mend; expects `{}`, {}",
             scenario.name, scenario.expect.outcome, scenario.expect.because

@@ -10,7 +10,7 @@ use docktwin_playback::ViewerFile;
 use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_rigport::rig::Rig;
 use docktwin_run::{
-    HilOptions, HilRun, RunDirectory, RunError, Sink,
+    Control as _, HilOptions, HilRun, RunDirectory, RunError, Sink,
     rig_place::{ClockKind, RigPlace, connect},
     telemetry::hil_columns,
 };
@@ -21,7 +21,7 @@ use crate::{
     company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE, STOPPED},
     inputs::overrides,
-    observers::{AtTerminal, Bar, PilotLine},
+    observers::{AtTerminal, Bar, Interrupt, PilotLine},
     rehearse::{print, tell_losses},
     results::new_directory,
 };
@@ -104,14 +104,16 @@ pub(crate) struct HilArgs {
 pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
     if !json {
-        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = args.options();
     let (word, what) =
         if options.repeats() { ("replay", "Replay it") } else { ("report", "Read about it") };
     let prepared = HilRun::new(&scenario, options)?;
     let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
-    let summary = go(prepared, &scenario, args, &out, json)?;
+    let interrupt = Interrupt::catch();
+    let at = At { args, json, interrupt };
+    let summary = go(prepared, &scenario, &at, &out)?;
     tell_losses(&summary, json);
     if json {
         // A summary always serialises; a defect would show as an empty object.
@@ -120,21 +122,18 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         tell(&summary, &scenario, &out);
         println!("{what} with: docktwin {word} {}", out.display());
     }
+    let tripped = summary.safety.as_ref().is_some_and(|s| !s.trips.is_empty());
+    let interrupted = interrupt.stopped().is_some() && !tripped;
     Ok(ExitCode::from(match (summary.verdict, summary.outcome) {
         (Verdict::Pass, _) => 0,
-        (_, Outcome::Stopped) => STOPPED,
+        // A signal is no stop of the supervisor.
+        (_, Outcome::Stopped) if !interrupted => STOPPED,
         _ => OTHERWISE,
     }))
 }
 
-fn go(
-    run: HilRun<'_>,
-    scenario: &Scenario,
-    args: &HilArgs,
-    out: &Path,
-    json: bool,
-) -> Result<Summary, Failure> {
-    let at = At { args, json };
+fn go(run: HilRun<'_>, scenario: &Scenario, at: &At<'_>, out: &Path) -> Result<Summary, Failure> {
+    let (args, json) = (at.args, at.json);
     let mut live = args.live.start(scenario, &hil_columns())?;
     let viewer = (!args.no_rrd).then(|| ViewerFile::new(out.join("run.rrd")));
     let sink = (RunDirectory::new(out), (viewer, &mut live));
@@ -158,6 +157,7 @@ fn go(
 struct At<'a> {
     args: &'a HilArgs,
     json: bool,
+    interrupt: Interrupt,
 }
 
 impl At<'_> {
@@ -178,11 +178,12 @@ impl At<'_> {
         let line = stick.as_ref().filter(|_| !self.json).map(|_| PilotLine::default());
         let mut bar = Bar::new(self.json || stick.is_some());
         let mut sink = (sink, line);
+        let control = (stick, self.interrupt);
         let summary: Result<Summary, RunError> = match self.args.led.clock.kind() {
-            ClockKind::Virtual => run.run_with(rig, &mut sink, stick, &mut bar, &mut operator),
+            ClockKind::Virtual => run.run_with(rig, &mut sink, control, &mut bar, &mut operator),
             ClockKind::Realtime => {
                 let realtime = self.args.led.realtime.options();
-                run.run_realtime(rig, &mut sink, stick, &realtime, &mut operator)
+                run.run_realtime(rig, &mut sink, control, &realtime, &mut operator)
             }
         };
         drop(pilot);

@@ -16,7 +16,7 @@ use crate::{
     company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE},
     inputs::overrides,
-    observers::{Bar, PilotLine},
+    observers::{Bar, Interrupt, PilotLine},
     results::new_directory,
 };
 
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
     let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
     if !json {
-        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = RehearsalOptions { twin: args.twin.kind(), seed: args.seed };
     let rehearsal = Rehearsal::with(&scenario, options)?;
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     let line = stick.as_ref().filter(|_| !json).map(|_| PilotLine::default());
     let mut sink = (RunDirectory::new(&out), (viewer, (&mut live, line)));
     let mut bar = Bar::new(json || stick.is_some());
-    let summary = rehearsal.run_with(&mut sink, stick, &mut bar)?;
+    let summary = rehearsal.run_with(&mut sink, (stick, Interrupt::catch()), &mut bar)?;
     drop(pilot);
     tell_losses(&summary, json);
     if json {

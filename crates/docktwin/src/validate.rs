@@ -123,7 +123,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         }
     }
     if !json {
-        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
     let summary = Rehearsal::with(&scenario, options)?.run(&mut RunDirectory::new(&ours))?;

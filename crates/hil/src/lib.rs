@@ -1,4 +1,4 @@
-//! The loop: what runs in a rehearsal is what runs live, tick for tick.
+//! The loop with a rig: the same code for emulated and physical rigs.
 //!
 //! What passes between loop and rig is `docktwin-rigport`; here are the loop ([`scheduler`]), its clocks,
 //! emulated rigs with their faults, what is found out about a rig by driving it, and what a machine offers a

@@ -60,7 +60,7 @@ fn timespec(ns: u64) -> libc::timespec {
 /// What to do when the machine does not grant everything.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortage {
-    /// Refuse to run: what a rig of steel needs.
+    /// Refuse to run: required for a physical rig.
     Refuse,
     /// Run on what there is, and say that it is best effort (`--allow-best-effort`).
     BestEffort,
@@ -105,7 +105,7 @@ impl fmt::Display for Step {
     }
 }
 
-/// What was not granted, what it costs, what mends it.
+/// What was not granted, its consequence, and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shortfall {
     /// What was asked for.

@@ -119,7 +119,7 @@ pub fn model_check(path: &Path) -> Report {
         }
         Some(FileKind::Rig) => {
             let rig = read_rig(&urdf, &mut out);
-            // What follows from wrong numbers means nothing.
+            // Values derived from wrong numbers are meaningless.
             let rig = rig.filter(|_| out.problems.is_empty());
             return report(out, rig.map(|r| rig_check::summary(&r)).unwrap_or_default());
         }

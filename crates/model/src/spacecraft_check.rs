@@ -120,7 +120,7 @@ impl Body<'_> {
             return;
         }
         for what in self.doubts() {
-            out.flags.push(Note { file: urdf.into(), line, what });
+            out.flags.push(Note { file: urdf.into(), line, what, flagged: true });
         }
     }
 

@@ -188,7 +188,7 @@ impl Walk<'_> {
 
     fn ignore(&mut self, node: Node<'_, '_>, what: String) {
         let line = self.line(node);
-        self.out.notes.push(Note { file: self.path.into(), line, what });
+        self.out.notes.push(Note { file: self.path.into(), line, what, flagged: false });
     }
 
     fn element(&mut self, node: Node<'_, '_>) {

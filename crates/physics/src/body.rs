@@ -73,12 +73,6 @@ pub struct BodyState {
 }
 
 impl BodyState {
-    /// Whether every number of it is finite.
-    #[must_use]
-    pub fn is_finite(&self) -> bool {
-        self.p.is_finite() && self.q.is_finite() && self.v.is_finite() && self.l.is_finite()
-    }
-
     /// At `pose`, moving with velocity `v` (m/s, world) and body rate `w_b` (rad/s, body axes).
     #[must_use]
     pub fn new(mp: &MassProperties, pose: Pose, v: DVec3, w_b: DVec3) -> Self {

@@ -1,4 +1,4 @@
-//! A run that died, made whole as far as it goes.
+//! Recovery of the recording of a run that was killed.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};

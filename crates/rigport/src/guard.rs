@@ -1,10 +1,10 @@
 //! The guard: limits that come with every command and that the rig's end can enforce by itself, without
 //! a memory, a model or the loop.
 //!
-//! The supervisor of the loop acts first and knows more; the guard is the second layer, for a loop that
-//! is wrong. Its limits hold from the command that brings them to the next good one, so a loop narrows
-//! them on the way to a contact and widens them in it. [`Guard::passed`] is the whole judgement; the
-//! protocol page gives it in C.
+//! The supervisor of the loop acts first and knows more; the guard is the second layer, in case the
+//! loop is faulty. Its limits are valid from one valid command to the next, so a loop can narrow
+//! them on the way to a contact and widen them in contact. [`Guard::passed`] is the complete check;
+//! the protocol page gives it as formulas.
 
 use bitflags::bitflags;
 use docktwin_core::{DVec3, Pose, Twist, Wrench};
@@ -138,7 +138,7 @@ impl Guard {
             (GuardLimits::SENSOR_B, Capabilities::SENSOR_B, &m.sensor_b, self.reference[1]),
         ] {
             let change = wrench(read) + -reference;
-            // Written so that a number that is not one passes the limit.
+            // Written so that NaN exceeds the limit.
             let kept = change.f.length() <= self.force_n && change.m.length() <= self.moment_nm;
             out.set(limit, !(m.has(capability) && kept));
         }
@@ -285,7 +285,8 @@ mod tests {
         assert!(passed.contains(expected), "{passed:?}");
     }
 
-    /// A rig that holds, draws back or rests is not led: only forces count, and none where it is to stop.
+    /// A rig that holds, retracts or rests is not driven: only forces count, and none where it is
+    /// to stop.
     #[test]
     fn oracle_motion_counts_in_track_alone() {
         let (mut c, mut m) = good();

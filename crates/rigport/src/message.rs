@@ -8,8 +8,8 @@
 //! Convention of time, everywhere: the measurement read in tick k is the state of the rig at `t_k`;
 //! the command written in tick k is for `t_{k+1}` and is held until the next.
 //!
-//! What a rig does not have is absent by a bit of [`Capabilities`], never a zero that looks like a
-//! value: numbers whose bit is clear are not looked at.
+//! A clear bit of [`Capabilities`] marks a value as absent; a zero does not. Numbers whose bit is
+//! clear are ignored.
 
 use core::fmt;
 
@@ -36,11 +36,11 @@ pub const PERIODS_NS: core::ops::RangeInclusive<u64> = 10_000..=1_000_000_000;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum RigMode {
-    /// Power off or valves closed; a rig rests where it is and forgets an earlier run. What is joined
-    /// stays joined.
+    /// Power off or valves closed; a rig rests where it is and ends an earlier session. Joined
+    /// rings stay joined.
     #[default]
     Idle = 0,
-    /// Hold the present pose; commands of motion are not looked at.
+    /// Hold the present pose; motion commands are ignored.
     Hold = 1,
     /// Follow the commands.
     Track = 2,
@@ -131,7 +131,7 @@ bitflags! {
         /// Virtual clock: the rig takes one tick of its own time for every command and may take as long
         /// as it needs. Without it, time is that of `CLOCK_MONOTONIC`.
         const LOCKSTEP = 1;
-        /// Commands come slowed down, with an open gap, to try the way out (`--dry-run`).
+        /// Dry run (`--dry-run`): slow motion without contact, to test the path.
         const DRY_RUN = 1 << 1;
     }
 }
@@ -158,8 +158,8 @@ bitflags! {
         const SAFE_STATE = 1 << 5;
         /// The rig refused the command that this answers; `refusal` says why.
         const REFUSED = 1 << 6;
-        /// Answers no command: what a rig in its safe state goes on sending to onlookers. `tick` is
-        /// that of the last command answered; the loop passes over it.
+        /// Answers no command: sent by a rig in its safe state for observers. `tick` is that of the
+        /// last command answered; the loop ignores it.
         const UNSOLICITED = 1 << 8;
         /// The accelerometers are at the end of their range.
         const ACCELEROMETER_SATURATED = 1 << 10;

@@ -1,4 +1,4 @@
-//! What moves the spacecraft besides the mechanism: thrusters on a timetable, a person, a controller.
+//! Control wrenches on the spacecraft: timed thrusts, a pilot, a controller.
 
 use docktwin_core::{Pose, Twist, Wrench};
 use docktwin_physics::{body::BodyState, reduced::Inputs};
@@ -57,7 +57,7 @@ pub trait Control {
         None
     }
 
-    /// Whether a person is at the controls: the run then keeps to the clock on the wall.
+    /// Whether a pilot gives the wrenches: the run then keeps real time.
     fn in_person(&self) -> bool {
         false
     }

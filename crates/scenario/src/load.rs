@@ -135,7 +135,7 @@ pub struct HilSettings {
     pub moment_limit_nm: Option<f64>,
 }
 
-/// What is done against the delay of a rig.
+/// Compensator of the delay of a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompensatorChoice {
     /// Nothing.

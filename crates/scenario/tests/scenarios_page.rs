@@ -15,14 +15,8 @@ fn markdown() -> String {
             "" => String::new(),
             line => format!("`{}`", cell(line)),
         };
-        writeln!(
-            out,
-            "| `{}` | {} | {example} | {} |",
-            k.key,
-            cell(&k.allowed),
-            cell(k.meaning)
-        )
-        .expect("a text");
+        writeln!(out, "| `{}` | {} | {example} | {} |", k.key, cell(&k.allowed), cell(k.meaning))
+            .expect("a text");
     }
     out
 }

@@ -1,8 +1,8 @@
 //! Table 4 of the paper (§7.4): a spring stick between two stops, run through the body programme in six
 //! degrees of freedom and the whole loop.
 //!
-//! Nothing is lost in the stick, so R_e (speed after over speed before, of the body programme) and R_T
-//! (duration of contact over π√(m_r/K)) would both be 1; what is missing or too much is the loop's.
+//! Nothing is lost in the stick, so R_e (speed after over speed before, of the body programme) and
+//! R_T (duration of contact over π√(m_r/K)) would both be 1; a deviation is an error of the loop.
 //! [`crate::table4`] has one test; here many are run, on the rig and on rigs drawn within the
 //! spread of its file, and put together. How a test reaches a rig is the caller's part
 //! ([`vibro_impact`]); [`on_emulated_rig`] is one way.

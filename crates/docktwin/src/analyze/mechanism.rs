@@ -60,7 +60,7 @@ pub(super) fn run(args: &MechanismArgs, json: bool) -> Result<ExitCode, Failure>
     });
     let loaded = load_mechanism(&active, &passive, choice)?;
     if !json {
-        loaded.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        loaded.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let mut options = MechanismOptions::default();
     if !args.axis.is_empty() {

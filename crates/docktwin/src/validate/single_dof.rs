@@ -74,7 +74,7 @@ pub(super) fn run(args: &SingleDofArgs, json: bool) -> Result<ExitCode, Failure>
     let (active, passive) = sides(&args.mechanism, None)?;
     let mechanism = load_mechanism(&active, &passive, Some(AttenuationChoice::Characteristic))?;
     if !json {
-        mechanism.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        mechanism.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = SingleDofOptions {
         preset: args.preset.map(PresetArg::preset),
