@@ -1,4 +1,5 @@
-//! The command line of docktwin: the only place where twin, record and view meet.
+//! The command line of docktwin: arguments become options, options a call of a library, its result files
+//! and words.
 
 // First: its macros are for all below.
 #[macro_use]

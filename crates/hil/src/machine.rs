@@ -68,11 +68,13 @@ pub struct Check {
 
 impl Check {
     /// As it should be.
+    #[must_use]
     pub fn good(name: &'static str, found: impl Into<String>) -> Self {
         Self { name, state: State::Good, found: found.into(), shortfall: None }
     }
 
     /// Not as it should be.
+    #[must_use]
     pub fn short(
         state: State,
         name: &'static str,

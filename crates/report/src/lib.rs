@@ -16,7 +16,8 @@
 //! # Ok::<(), docktwin_report::ReportError>(())
 //! ```
 //!
-//! Absent on purpose: physics. What the page says is in the record, or is geometry of it.
+//! Absent on purpose: physics of its own. What the page says is in the record, or is geometry of it; what is
+//! said of a study is in its result.
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 

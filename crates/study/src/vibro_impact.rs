@@ -30,6 +30,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod place;
+
 use core::{fmt, str::FromStr, time::Duration};
 
 use docktwin_control::{
@@ -50,6 +52,8 @@ use crate::{
     Progress,
     table4::{Axis, Contact, Row, Sample, TABLE_4, VibroError, VibroRun, VibroSettings, VibroTest},
 };
+
+pub use self::place::{PlacedTestError, StickModels, on_rig};
 
 /// Rows that the paper has; one more, at 5 Hz, is docktwin's.
 pub const PAPER_CASES: usize = 6;
@@ -619,7 +623,7 @@ fn test<'a, E>(
 }
 
 /// Runs rows of Table 4 and puts them together. `run` runs one test on the rig of the file or on a
-/// drawn one: see [`run_test`] and [`on_emulated_rig`].
+/// drawn one: see [`on_rig`], [`run_test`] and [`on_emulated_rig`].
 ///
 /// # Errors
 /// See [`VibroImpactError`].

@@ -1,40 +1,30 @@
 //! `validate vibro-impact`: Table 4 of the paper, through the body programme in six degrees of freedom
 //! and the whole loop.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use docktwin_control::sensing::SensorScheme;
-use docktwin_hil::{
-    clock::{OverrunPolicy, RealtimeClock, VirtualClock},
-    realtime::relax,
-    scheduler::believed_delays_s,
-};
-use docktwin_model::{
-    DockingMechanism, Rig as RigModel, Spacecraft, load_mechanism, load_rig, load_spacecraft,
-};
+use docktwin_hil::scheduler::believed_delays_s;
+use docktwin_model::Rig;
 use docktwin_report::study::vibro_impact as report;
-use docktwin_rigport::{in_process::InProcess, rig::Rig};
 use docktwin_run::{
-    PERIOD_NS,
-    rig_place::{RigPlace, best_effort, compensation, confirm, connect, new_session, patience},
+    commission::DriveOptions,
+    rig_place::{RigPlace, compensation, confirm},
 };
-use docktwin_scenario::{CompensatorChoice, resolve_path};
+use docktwin_scenario::CompensatorChoice;
 use docktwin_study::{
     Progress,
     table4::VibroTest,
     vibro_impact::{
-        AxisSet, CASES, LoopTiming, RigDraw, TestRun, VibroImpactError, VibroModels, VibroOptions,
-        VibroSummary, emulated_rig, run_test, vibro_impact,
+        AxisSet, CASES, PlacedTestError, StickModels, VibroImpactError, VibroOptions, VibroSummary,
+        on_rig, vibro_impact,
     },
 };
 use serde_json::{Value, json};
 
 use crate::{
-    args::{ClockArg, LedArgs, PresetArg, compensator, not_negative},
+    args::{LedArgs, PresetArg, compensator, not_negative},
     failure::{Failure, OTHERWISE},
     observers::AtTerminal,
     results::Results,
@@ -129,33 +119,35 @@ fn case(text: &str) -> Result<Case, String> {
     }
 }
 
-/// Where the tests run, and how.
-struct Bench<'a> {
-    args: &'a VibroArgs,
-    rig: RigModel,
-    stick: DockingMechanism,
-    spacecraft: Spacecraft,
-    options: VibroOptions,
-}
-
 /// Runs the command.
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
-    let bench = Bench::new(args)?;
+    let models = StickModels::load(&args.model)?;
+    let options = options(args, &models.rig)?;
+    if args.draws > 0 && args.rig != RigPlace::Emulated {
+        return Err(Failure::Usage {
+            what: "a rig in another process is what it is; it cannot be drawn".to_owned(),
+            remedy: "leave --draws away, or take --rig emulated".to_owned(),
+        });
+    }
     let mut operator = AtTerminal { yes: args.led.yes, quiet: json };
     confirm(&mut operator, &args.rig)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
-    let models =
-        VibroModels { rig: &bench.rig, stick: &bench.stick, spacecraft: &bench.spacecraft };
-    let run = |test: &VibroTest, draw| bench.run(test, draw);
-    let found =
-        vibro_impact(&models, &bench.options, &mut Dots { json }, run).map_err(|e| match e {
-            VibroImpactError::Run(failure) => failure,
-            other => refused(other),
-        })?;
+    let drive = DriveOptions {
+        place: args.rig.clone(),
+        clock: args.led.clock.kind(),
+        realtime: args.led.realtime.options(),
+    };
+    let run = |test: &VibroTest, draw| on_rig(&models.rig, &options, &drive, test, draw);
+    let found = vibro_impact(&models.models(), &options, &mut Dots { json }, run);
+    let found = found.map_err(|e| match e {
+        VibroImpactError::Run(PlacedTestError::Place(e)) => e.into(),
+        VibroImpactError::Run(e) => refused(e),
+        other => refused(other),
+    })?;
     results.tables(report::tables(&found))?;
     results.plots(report::plots(&found))?;
     let answer = answer(args, &found.summary);
-    let words = report::words(&found, &args.rig, args.led.clock.kind());
+    let words = report::words(&found, &drive.place, drive.clock);
     results.finish("vibro-impact", &answer, &words, json)?;
     Ok(ExitCode::from(if found.summary.complete() { 0 } else { OTHERWISE }))
 }
@@ -186,62 +178,8 @@ fn refused(what: impl core::fmt::Display) -> Failure {
     }
 }
 
-impl<'a> Bench<'a> {
-    fn new(args: &'a VibroArgs) -> Result<Self, Failure> {
-        let rig = load_rig(&args.model.with_extension("urdf"))?.model;
-        // A rig of one's own need not stand among the models of docktwin.
-        let model = |name: &str| {
-            resolve_path(&args.model, Path::new(name))
-                .or_else(|| resolve_path(&args.model, &Path::new("models/urdf").join(name)))
-                .unwrap_or_else(|| args.model.with_file_name(name))
-        };
-        let stick =
-            load_mechanism(&model("stick_active.urdf"), &model("stick_passive.urdf"), None)?;
-        let spacecraft = load_spacecraft(&model("test_2026kg.urdf"))?;
-        let options = options(args, &rig)?;
-        if args.draws > 0 && args.rig != RigPlace::Emulated {
-            return Err(Failure::Usage {
-                what: "a rig in another process is what it is; it cannot be drawn".to_owned(),
-                remedy: "leave --draws away, or take --rig emulated".to_owned(),
-            });
-        }
-        Ok(Self { args, rig, stick: stick.model, spacecraft: spacecraft.model, options })
-    }
-
-    fn run(&self, test: &VibroTest, draw: RigDraw) -> Result<TestRun, Failure> {
-        match &self.args.rig {
-            RigPlace::Emulated => {
-                let rig = emulated_rig(&self.rig, &self.options, test, draw).map_err(refused)?;
-                self.with_rig(test, InProcess::new(rig), 1)
-            }
-            RigPlace::Port(name) => self.with_rig(test, connect(name)?, new_session()),
-        }
-    }
-
-    fn with_rig<R: Rig>(&self, test: &VibroTest, rig: R, session: u64) -> Result<TestRun, Failure> {
-        match self.args.led.clock {
-            ClockArg::Virtual => {
-                let settings =
-                    self.options.settings(&self.rig, session, patience::<VirtualClock>());
-                run_test(test, &self.rig, &settings, rig, VirtualClock::new(PERIOD_NS))
-                    .map_err(refused)
-            }
-            ClockArg::Realtime => {
-                let lacking = best_effort(&self.args.led.realtime.options().apply()?);
-                let settings =
-                    self.options.settings(&self.rig, session, patience::<RealtimeClock>());
-                let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
-                let out = run_test(test, &self.rig, &settings, rig, clock);
-                relax();
-                let TestRun { run, timing } = out.map_err(refused)?;
-                Ok(TestRun { run, timing: LoopTiming { best_effort: lacking, ..timing } })
-            }
-        }
-    }
-}
-
 /// What the arguments ask for.
-fn options(args: &VibroArgs, rig: &RigModel) -> Result<VibroOptions, Failure> {
+fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
     let lead_s = args.lead_ms.map_or_else(|| believed_delays_s(rig).iter().sum(), |ms| ms * 1e-3);
     let mut options = VibroOptions::new(compensation(args.compensator, lead_s)?);
     if !args.axis.is_empty() {
