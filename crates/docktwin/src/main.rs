@@ -1,4 +1,4 @@
-//! The command line of docktwin: the only place where twin, record and view meet.
+//! The command line of docktwin: arguments, a call of the libraries, words.
 
 // First: its macros are for all below.
 #[macro_use]
@@ -38,6 +38,10 @@ fn main() -> ExitCode {
     }));
     // A panic is a defect of ours and has its own exit code; the panic hook has told where.
     match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| cli.run())) {
+        // A result that nobody can read is none.
+        Ok(Ok(code)) if code == ExitCode::SUCCESS && terminal::lost() => {
+            ExitCode::from(failure::OTHERWISE)
+        }
         Ok(Ok(code)) => code,
         Ok(Err(failure)) => failure.report(cli.common.json),
         Err(_) => {
