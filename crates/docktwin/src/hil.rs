@@ -23,7 +23,7 @@ use crate::{
     inputs::overrides,
     observers::{AtTerminal, Bar, Interrupt, PilotLine},
     rehearse::{print, tell_losses},
-    results::new_directory,
+    results::directory,
 };
 
 pub(crate) const EXAMPLES: &str = "\
@@ -110,7 +110,7 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
     let (word, what) =
         if options.repeats() { ("replay", "Replay it") } else { ("report", "Read about it") };
     let prepared = HilRun::new(&scenario, options)?;
-    let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
+    let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
     let interrupt = Interrupt::catch();
     let at = At { args, json, interrupt };
     let summary = go(prepared, &scenario, &at, &out)?;

@@ -39,6 +39,10 @@ fn main() -> ExitCode {
     }));
     // A panic is a defect of ours and has its own exit code; the panic hook has told where.
     match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| cli.run())) {
+        // A result that nobody can read is none.
+        Ok(Ok(code)) if code == ExitCode::SUCCESS && terminal::lost() => {
+            ExitCode::from(failure::OTHERWISE)
+        }
         Ok(Ok(code)) => code,
         Ok(Err(failure)) => failure.report(cli.common.json),
         Err(_) => {

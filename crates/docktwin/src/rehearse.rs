@@ -17,7 +17,7 @@ use crate::{
     failure::{Failure, OTHERWISE},
     inputs::overrides,
     observers::{Bar, Interrupt, PilotLine},
-    results::new_directory,
+    results::directory,
 };
 
 pub(crate) const EXAMPLES: &str = "\
@@ -67,13 +67,13 @@ pub(crate) struct RehearseArgs {
 /// Runs the command.
 pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
-    let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = RehearsalOptions { twin: args.twin.kind(), seed: args.seed };
     let rehearsal = Rehearsal::with(&scenario, options)?;
     let mut live = args.live.start(&scenario, &columns())?;
+    let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
     // Last: from here on the terminal is the pilot's.
     let pilot = args.pilot.start(&scenario)?;
     let stick = pilot.as_ref().and_then(|p| p.stick());

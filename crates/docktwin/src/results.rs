@@ -16,16 +16,29 @@ pub(crate) fn timestamp() -> String {
     jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string()
 }
 
-/// A directory that is not there yet, named after what goes there and the time.
-pub(crate) fn new_directory(parent: &str, name: &str) -> PathBuf {
-    let now = timestamp();
-    let mut directory = Path::new(parent).join(format!("{name}-{now}"));
-    let mut n = 1;
-    while directory.exists() {
-        n += 1;
-        directory = Path::new(parent).join(format!("{name}-{now}-{n}"));
+/// The directory that was asked for, or a new one under `parent`, named after what goes there and the
+/// time. A new one is made at once, so that of several processes in one second each has its own.
+pub(crate) fn directory(
+    asked: Option<&Path>,
+    parent: &str,
+    name: &str,
+) -> Result<PathBuf, Failure> {
+    if let Some(asked) = asked {
+        return Ok(asked.to_owned());
     }
-    directory
+    let parent = Path::new(parent);
+    std::fs::create_dir_all(parent).map_err(|e| unwritable(parent, &e))?;
+    let stem = format!("{name}-{}", timestamp());
+    let mut n = 1;
+    loop {
+        let named = if n == 1 { stem.clone() } else { format!("{stem}-{n}") };
+        let directory = parent.join(named);
+        match std::fs::create_dir(&directory) {
+            Ok(()) => return Ok(directory),
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => n += 1,
+            Err(e) => return Err(unwritable(&directory, &e)),
+        }
+    }
 }
 
 /// The directory of an analysis and what was written into it.
@@ -38,7 +51,7 @@ impl Results {
     /// Makes the directory, which must be new or empty: results are never overwritten. Without one it
     /// is named after what is analysed, and the time.
     pub(crate) fn new(directory: Option<&Path>, name: &str) -> Result<Self, Failure> {
-        let directory = directory.map_or_else(|| new_directory("analysis", name), Path::to_owned);
+        let directory = self::directory(directory, "analysis", name)?;
         if std::fs::read_dir(&directory).is_ok_and(|mut d| d.next().is_some()) {
             return Err(Failure::Usage {
                 what: format!("{} is not empty", directory.display()),

@@ -7,8 +7,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use docktwin_model::input::plain;
 use docktwin_pilot::has_terminal;
 
-/// Whether a lost output was told.
-static TOLD: AtomicBool = AtomicBool::new(false);
+/// Whether output was lost other than by a reader that has gone, which was then reported.
+static LOST: AtomicBool = AtomicBool::new(false);
+
+/// Whether output was lost: then the exit code is not that of success.
+pub(crate) fn lost() -> bool {
+    LOST.load(Ordering::Relaxed)
+}
 
 /// Prints a line. A reader that has gone (`docktwin … | head`) is no error of ours; a full disk
 /// behind `>` is told once on stderr, and the run goes on.
@@ -21,7 +26,7 @@ pub(crate) fn line(mut to: impl Write, text: fmt::Arguments<'_>) {
     let said = to.write_all(text.as_bytes()).and_then(|()| to.flush());
     if let Err(e) = said
         && e.kind() != ErrorKind::BrokenPipe
-        && !TOLD.swap(true, Ordering::Relaxed)
+        && !LOST.swap(true, Ordering::Relaxed)
     {
         // Nothing can be done when stderr is gone too.
         let _ = writeln!(std::io::stderr(), "the output could not be written: {e}");

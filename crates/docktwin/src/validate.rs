@@ -21,7 +21,7 @@ use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare, record}
 use crate::{
     failure::{Failure, OTHERWISE},
     inputs::overrides,
-    results::new_directory,
+    results::directory,
     view::save_two,
 };
 
@@ -111,10 +111,8 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     let named = std::env::var_os(PYTHON).filter(|v| !v.is_empty()).map(PathBuf::from);
     let python = args.python.clone().or(named);
     let second = SecondEngine::find(&args.scenario, args.validation.as_deref(), python.as_deref())?;
-    let out = args
-        .out
-        .clone()
-        .unwrap_or_else(|| new_directory("runs", &format!("{}-crosscheck", scenario.name)));
+    let name = format!("{}-crosscheck", scenario.name);
+    let out = directory(args.out.as_deref(), "runs", &name)?;
     let (ours, theirs) = (out.join("docktwin"), out.join("mujoco"));
     for dir in [&ours, &theirs] {
         let path = dir.join(files::LOG);

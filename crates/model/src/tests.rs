@@ -100,6 +100,47 @@ fn regress_apas_is_the_published_set() {
     );
 }
 
+/// Cases C6 and C12: what is ignored may be wrong, a mesh is a mesh of this model, and a remedy mends.
+#[test]
+fn regress_meshes_are_of_the_model_and_ignored_elements_may_be_wrong() {
+    const MESH: &str = "<mesh filename=\"../../meshes/chaser_8t_hull.obj\"/>";
+    let with = |mesh: &str| Copy::new(&[("chaser_8t.urdf", MESH, mesh)]);
+    let says = |copy: &Copy| model_check(&copy.at("chaser_8t.urdf")).lines().join("\n");
+    let named = |name: &str| format!("<mesh filename=\"{name}\"/>");
+    for (name, problem) in [
+        ("../../../../../etc/passwd", "is not the name of a mesh"),
+        ("../../../elsewhere/hull.obj", "is outside of the model's folders"),
+        ("../../meshes/../../../hull.obj", "is outside of the model's folders"),
+        ("/etc/hull.obj", "is not a relative path"),
+        ("../../meshes/none.obj", "does not exist"),
+    ] {
+        let lines = says(&with(&named(name)));
+        assert!(lines.contains(problem), "{name}: {lines}");
+    }
+    // A link that leads out is no way round.
+    #[cfg(unix)]
+    {
+        let copy = with(&named("../../meshes/linked.obj"));
+        let link = copy.at("../../meshes/linked.obj");
+        std::os::unix::fs::symlink("/etc/passwd", link).expect("a link");
+        let lines = says(&copy);
+        assert!(lines.contains("by a link"), "{lines}");
+    }
+    let scaled = "<mesh filename=\"../../meshes/chaser_8t_hull.obj\" scale=\"0.001 0.001 0.001\"/>";
+    let lines = says(&with(scaled));
+    assert!(lines.contains("multiply the vertices in the file by the scale"), "{lines}");
+    // Two materials, and a collision of nonsense: both are ignored, and neither is parsed again.
+    let material = "<material name=\"a\"/>\n      <material name=\"b\"/>\n    </visual>\n    \
+                    <collision><geometry><mesh filename=\"/etc/passwd\" scale=\"x\"/></geometry>\
+                    </collision>\n";
+    let copy = Copy::new(&[("chaser_8t.urdf", "</visual>\n", material)]);
+    let report = model_check(&copy.at("chaser_8t.urdf"));
+    assert!(report.refused.is_empty(), "{:?}", report.lines());
+    assert_eq!(report.ignored.len(), 3, "{:?}", report.ignored);
+    let text = std::fs::read_to_string(copy.at("chaser_8t.urdf")).expect("a URDF");
+    assert_eq!(crate::named_meshes(&text), ["../../meshes/chaser_8t_hull.obj"]);
+}
+
 /// A chaser in other units, and what becomes of it (cases C3 to C5): in kg·mm², in g, in mm, as a point, in t.
 #[test]
 fn regress_spacecraft_in_other_units_are_refused_or_flagged() {
