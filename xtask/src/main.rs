@@ -29,7 +29,7 @@ Examples:
   cargo xtask test --only scenarios    one step again, while you fix it
   cargo xtask meshes                   after a change of a ring, a petal or a hull
   cargo xtask docs                     the public API, as HTML under target/doc
-  cargo xtask docs-tables              after a change of a key of the models or of a signal";
+  cargo xtask docs-tables              after a change of a key (models, scenarios) or of a signal";
 
 #[derive(Debug, Subcommand)]
 enum Task {

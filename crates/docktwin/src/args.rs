@@ -15,7 +15,7 @@ pub(crate) fn compensator(text: &str) -> Result<CompensatorChoice, String> {
         .into_iter()
         .find(|(w, _)| *w == text)
         .map(|(_, c)| c)
-        .ok_or_else(|| "a compensator is `none` or `lead`".to_owned())
+        .ok_or_else(|| format!("a compensator is one of {}", words.map(|(w, _)| w).join(", ")))
 }
 
 pub(crate) fn not_negative(text: &str) -> Result<f64, String> {

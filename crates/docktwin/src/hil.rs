@@ -62,7 +62,7 @@ pub(crate) struct HilArgs {
     #[command(flatten)]
     led: LedArgs,
     /// Against the delay of the rig [default: as the scenario says, or lead]
-    #[arg(long, value_parser = compensator, value_name = "none|lead")]
+    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES)]
     compensator: Option<CompensatorChoice>,
     /// Lead, ms [default: as the scenario says, or the delay that is believed]
     #[arg(long, value_name = "MS", value_parser = not_negative)]

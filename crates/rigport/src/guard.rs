@@ -6,33 +6,12 @@
 //! them on the way to a contact and widen them in contact. [`Guard::passed`] is the complete check;
 //! the protocol page gives it as formulas.
 
-use bitflags::bitflags;
 use docktwin_core::{DVec3, Pose, Twist, Wrench};
-use iceoryx2::prelude::ZeroCopySend;
 
+pub use crate::message::GuardLimits;
 use crate::message::{
     Capabilities, RigCommand, RigMeasurement, RigMode, attitude, pose, six, wrench,
 };
-
-/// Limits of the guard: which are set in a command, and which were passed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
-#[repr(C)]
-pub struct GuardLimits(u32);
-
-bitflags! {
-    impl GuardLimits: u32 {
-        /// Force and moment of sensor A beyond its reference.
-        const SENSOR_A = 1;
-        /// The same of sensor B; weight and inertia of what it carries count.
-        const SENSOR_B = 1 << 1;
-        /// Speed of a leg.
-        const LEG_SPEED = 1 << 2;
-        /// Speed of the plate's point, and rate of the plate.
-        const PLATE_SPEED = 1 << 3;
-        /// Position of the plate's point in the box, and turn from its attitude.
-        const POSE = 1 << 4;
-    }
-}
 
 /// The limits of one command.
 #[derive(Clone, Copy, Debug, PartialEq)]

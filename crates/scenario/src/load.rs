@@ -147,6 +147,9 @@ pub enum CompensatorChoice {
 impl CompensatorChoice {
     /// Words by which scenario and command line name them.
     pub const WORDS: [(&'static str, Self); 2] = [("none", Self::None), ("lead", Self::Lead)];
+
+    /// The same words as an option of the command line shows them.
+    pub const NAMES: &'static str = "none|lead";
 }
 
 /// The body a thrust acts on.

@@ -69,7 +69,7 @@ pub(crate) struct VibroArgs {
     #[arg(long, value_name = "all|N", value_parser = case)]
     case: Option<Case>,
     /// Against the delay of the rig
-    #[arg(long, value_parser = compensator, value_name = "none|lead", default_value = "lead")]
+    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES, default_value = "lead")]
     compensator: CompensatorChoice,
     /// Lead, ms [default: the delay that the rig's file lets one believe]
     #[arg(long, value_name = "MS", value_parser = not_negative)]

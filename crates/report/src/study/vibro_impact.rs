@@ -81,10 +81,10 @@ fn off(x: f64) -> String {
 
 /// What was done against the delay.
 fn compensation(s: &VibroSummary) -> String {
-    if s.compensator == "none" {
-        "without compensation".to_owned()
-    } else {
-        format!("with a lead of {:.2} ms", s.lead_s * 1e3)
+    match s.compensator.as_str() {
+        "none" => "without compensation".to_owned(),
+        "lead" => format!("with a lead of {:.2} ms", s.lead_s * 1e3),
+        other => format!("with the compensator `{other}`, {:.2} ms", s.lead_s * 1e3),
     }
 }
 
