@@ -1,0 +1,219 @@
+//! The deepest place of two cores, found and proven.
+//!
+//! Nothing here samples: a *place* is polished by Newton's method, and everything else is *proven* to
+//! be no deeper. A part of the pair (a rectangle of the parameters of both cores) is settled
+//!
+//! 1. by a separating function: a function f that changes by no more than the distance moved (a plane's
+//!    normal, or a cone's about an axis). With `f ≤ α` on one part and `f ≥ β` on the other, they are
+//!    at least β − α apart;
+//! 2. or by curvature, where the part holds the place itself: the distance is convex enough about it
+//!    that the place is the only one there ([`Pairing::is_alone`]).
+//!
+//! A part that neither settles is cut in two. Most contacts are settled whole, by the plane through
+//! the place across its normal. Where that took parts, the proof is kept: it holds until the
+//! surfaces have moved as far as what is outside the place's neighbourhood lay below it.
+//!
+//! Depths are *effective* depths (see [`Stiffness`]): by them, not by depths in metres, one place is
+//! more than another where a petal's softness changes along it.
+
+mod newton;
+mod on_circle;
+mod on_sheet;
+mod proof;
+
+pub(crate) use on_circle::OnCircle;
+pub(crate) use on_sheet::OnSheet;
+pub(crate) use proof::{Found, KeptProof, Proof, Start, deepest};
+
+use newton::{Jet, stationary};
+
+/// A rectangle of parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rect<const N: usize> {
+    pub(crate) lo: [f64; N],
+    pub(crate) hi: [f64; N],
+}
+
+impl<const N: usize> Rect<N> {
+    /// Whether `other` lies within.
+    fn holds(&self, other: &Self) -> bool {
+        (0..N).all(|i| self.lo[i] <= other.lo[i] && other.hi[i] <= self.hi[i])
+    }
+
+    pub(crate) fn contains(&self, z: &[f64; N]) -> bool {
+        (0..N).all(|i| self.lo[i] <= z[i] && z[i] <= self.hi[i])
+    }
+
+    /// Whether more than a side is shared.
+    fn meets(&self, other: &Self) -> bool {
+        (0..N).all(|i| {
+            self.lo[i] < other.hi[i] && other.lo[i] < self.hi[i] || other.lo[i] >= other.hi[i]
+        })
+    }
+
+    pub(crate) fn clamp(&self, z: &[f64; N]) -> [f64; N] {
+        core::array::from_fn(|i| z[i].clamp(self.lo[i], self.hi[i]))
+    }
+
+    pub(crate) fn middle(&self) -> [f64; N] {
+        core::array::from_fn(|i| 0.5 * (self.lo[i] + self.hi[i]))
+    }
+}
+
+/// How the stiffness of two surfaces in contact falls along a petal.
+///
+/// With the compliance of both petals' tips relative to the surfaces' own, `a` and `b`,
+/// `k/k_c = 1/(1 + a s³ + b t³)`. The effective depth is the depth at which the surfaces alone would
+/// store the same energy: `η = δ (k/k_c)^(1/(n+1))`, so that `U = k_c η^(n+1)/(n+1)`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stiffness {
+    pub(crate) a: f64,
+    pub(crate) b: f64,
+    /// 1/(n + 1).
+    pub(crate) power: f64,
+}
+
+/// The inverse of the gain `g = η/δ` at a place, and its derivatives by s and t.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Softening {
+    pub(crate) inverse: f64,
+    pub(crate) slope: [f64; 2],
+}
+
+impl Stiffness {
+    fn sum(&self, s: f64, t: f64) -> f64 {
+        1.0 + self.a * s.powi(3) + self.b * t.powi(3)
+    }
+
+    fn raise(&self, h: f64) -> f64 {
+        if (self.power - 0.5).abs() < f64::EPSILON { h.sqrt() } else { h.powf(self.power) }
+    }
+
+    /// Effective depth of a depth at (s, t). Where surfaces are apart the softness says nothing.
+    pub(crate) fn effective(&self, depth: f64, s: f64, t: f64) -> f64 {
+        if depth > 0.0 { depth / self.raise(self.sum(s, t)) } else { depth }
+    }
+
+    pub(crate) fn softening(&self, s: f64, t: f64) -> Softening {
+        let h = self.sum(s, t);
+        let inverse = self.raise(h);
+        let by = 3.0 * self.power * inverse / h;
+        Softening { inverse, slope: [by * self.a * s * s, by * self.b * t * t] }
+    }
+
+    pub(crate) fn least_gain(&self) -> f64 {
+        1.0 / self.raise(self.sum(1.0, 1.0))
+    }
+
+    /// Whether 1/g is convex in (s, t), so that its tangent is a bound from below: always for n ≤ 2.
+    fn is_convex(&self) -> bool {
+        1.5 * (1.0 - self.power) <= 1.0
+            || (self.a + self.b) * (1.5 * (1.0 - self.power) - 1.0) < 1.0
+    }
+
+    /// Minus the effective depth with derivatives, from the distance's: `at.f` is minus the depth, s and t
+    /// are the parameters numbered `along` (`usize::MAX`: none).
+    fn weigh<const N: usize>(&self, at: &mut Jet<N>, z: &[f64; N], along: [usize; 2]) {
+        let depth = -at.f;
+        if depth <= 0.0 || self.a + self.b <= 0.0 {
+            return;
+        }
+        let value = |i: usize| z.get(along[i]).copied().unwrap_or(0.0);
+        let (s, t) = (value(0), value(1));
+        let h = self.sum(s, t);
+        let g = 1.0 / self.raise(h);
+        let (first, second) = (-self.power * g / h, self.power * (self.power + 1.0) * g / (h * h));
+        let mut by = [0.0; N];
+        let mut twice = [0.0; N];
+        for (i, x, c) in [(along[0], s, self.a), (along[1], t, self.b)] {
+            if i < N {
+                (by[i], twice[i]) = (3.0 * c * x * x, 6.0 * c * x);
+            }
+        }
+        let slope = at.g;
+        for i in 0..N {
+            for k in 0..N {
+                let mut gg = second * by[i] * by[k];
+                if i == k {
+                    gg += first * twice[i];
+                }
+                at.h[i][k] = g * at.h[i][k] + first * (slope[i] * by[k] + by[i] * slope[k])
+                    - depth * gg;
+            }
+            at.g[i] = g * slope[i] - depth * first * by[i];
+        }
+        at.f = -depth * g;
+    }
+}
+
+/// A place: the deepest of its neighbourhood.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place<const N: usize, A> {
+    pub(crate) z: [f64; N],
+    /// Effective depth, m; negative when apart.
+    pub(crate) effective: f64,
+    /// Depth, m.
+    pub(crate) depth: f64,
+    pub(crate) softening: Softening,
+    /// Direction from the first core to the second.
+    pub(crate) aim: A,
+}
+
+#[doc(hidden)]
+pub mod count {
+    use std::cell::Cell;
+    thread_local! {
+        pub static SEARCHES: [Cell<u64>; 8] = const { [const { Cell::new(0) }; 8] };
+    }
+    pub fn add(i: usize, n: u64) { SEARCHES.with(|s| s[i].set(s[i].get() + n)); }
+    pub fn take() -> [u64; 8] { SEARCHES.with(|s| core::array::from_fn(|i| s[i].replace(0))) }
+}
+
+/// Two cores, the first with its parameters in front.
+pub(crate) trait Pairing<const N: usize> {
+    /// A rectangle with what bounds on it need.
+    type Part: Copy;
+    /// A direction of separation.
+    type Aim: Copy;
+
+    fn part(&self, rect: &Rect<N>) -> Self::Part;
+    fn rect(part: &Self::Part) -> Rect<N>;
+    fn cut(&self, part: &Self::Part, dim: usize, at: f64) -> [Self::Part; 2];
+    /// Sum of the radii of the balls that sweep the cores, m.
+    fn sum(&self) -> f64;
+    /// The least effective depth of a depth of one metre.
+    fn least_gain(&self) -> f64;
+    /// Extent of a part along each parameter, m.
+    fn sizes(&self, part: &Self::Part) -> [f64; N];
+    /// Lengths by which a step of one of each parameter moves at most, m.
+    fn scales(&self) -> [f64; N];
+    /// Minus the effective depth.
+    fn eval(&self, z: &[f64; N]) -> Jet<N>;
+    fn place(&self, z: [f64; N]) -> Place<N, Self::Aim>;
+    /// A pair of points of the part that are near each other, close to the parameters `z` of the part.
+    fn near(&self, part: &Self::Part, z: &[f64; N]) -> ([f64; N], f64, Self::Aim);
+    /// By how much the part may be deeper than `target` (m, effective) as far as the separating
+    /// function across `aim` can tell; not above zero: it is not.
+    fn excess(
+        &self,
+        part: &Self::Part,
+        aim: &Self::Aim,
+        best: &Place<N, Self::Aim>,
+        target: f64,
+    ) -> f64;
+    /// Whether nothing in `rect`, which holds the place, is deeper than it.
+    fn is_alone(&self, rect: &Rect<N>, place: &Place<N, Self::Aim>) -> bool;
+}
+
+/// Cores nearer than this have no direction of their own, m.
+const NO_GAP: f64 = 1e-9;
+
+/// Goes on from a place near `z` once the cores have gone through each other: the pairing has a side, and
+/// the place is where the signed depth is stationary. `None` where it cannot be followed.
+pub(crate) fn follow<P: Pairing<N>, const N: usize>(
+    pairing: &P,
+    rect: &Rect<N>,
+    z: &[f64; N],
+) -> Option<Place<N, P::Aim>> {
+    stationary(&rect.clamp(z), &rect.lo, &rect.hi, |z| pairing.eval(z)).map(|z| pairing.place(z))
+}
