@@ -14,6 +14,3 @@ mod search;
 pub use contacts::{ContactEnergy, ContactSample, Contacts};
 pub use memory::ContactState;
 pub use scene::{PAIRS, PetalGaps, Scene, SurfacePair};
-
-#[doc(hidden)]
-pub use search::count;

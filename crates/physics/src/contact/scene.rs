@@ -2,18 +2,17 @@
 
 use docktwin_core::{DMat3, DVec3, Pose};
 use docktwin_model::{ContactLaw, DockingMechanism, NormalLaw, SideGeometry};
-use glam::DVec2;
 
 use super::{
     cells::{
         CELLS, EIGHTHS, Elastic, Load, OnPetal, PetalMemory, RingPair, RingTable, cell_rect,
-        petal_load, petals_neighbour,
+        petal_load, petals_neighbour, single_load,
     },
     contacts::Contacts,
     geometry::{Circle, Sheet, off_axis},
     law,
     memory::ContactState,
-    search::{OnCircle, OnSheet, Start, Stiffness, deepest},
+    search::{Lift, OnCircle, OnSheet, Start, Stiffness, deepest, follow},
 };
 
 mod gaps;
@@ -155,9 +154,7 @@ impl Side {
     /// Farthest point from the ring's centre, m.
     fn reach(&self) -> f64 {
         let ring = self.ring.radius + self.ring.ball;
-        self.petals
-            .as_ref()
-            .map_or(ring, |p| ring.max(p.centre.length() + p.reach + p.sheet.ball))
+        self.petals.as_ref().map_or(ring, |p| ring.max(p.centre.length() + p.reach + p.sheet.ball))
     }
 }
 
@@ -278,21 +275,20 @@ impl Look<'_> {
             let cell = usize::from(t.cell);
             if let Some(start) = starts.get_mut(cell) {
                 let z = core::array::from_fn(|i| t.z[i]);
-                let proof =
-                    t.proof.map(|p| p.after(self.moved, &cell_rect(pairing, cell)));
+                let proof = t.proof.map(|p| p.after(self.moved, &cell_rect(pairing, cell)));
                 *start = Some(Start { z, proof });
             }
         }
         PetalMemory { starts, apart_m: *apart_m }
     }
 
-    /// The deepest place of the step before, with its normal in the first surface's frame, where the cores are
+    /// The deepest place of the step before, with its normal in the first surface's frame and its depth, where the cores are
     /// about to meet or have met.
-    fn meeting<const N: usize>(&self, sum: f64) -> Option<(usize, [f64; N], DVec3)> {
+    fn meeting<const N: usize>(&self, sum: f64) -> Option<(usize, [f64; N], (DVec3, f64))> {
         let t = self.state.of_pair(self.pair).max_by(|a, b| a.depth.total_cmp(&b.depth))?;
         (t.depth > sum - ABOUT_TO_MEET_M).then(|| {
             let normal = self.first.r.transpose() * t.normal * self.sign;
-            (usize::from(t.cell), core::array::from_fn(|i| t.z[i]), normal)
+            (usize::from(t.cell), core::array::from_fn(|i| t.z[i]), (normal, t.depth))
         })
     }
 }
@@ -352,7 +348,7 @@ impl Scene {
             r: x_cf.r,
             p: x_cf.p,
             stiffness: self.stiffness(sheet, None),
-            side: None,
+            lift: 0.0,
         })
     }
 
@@ -364,7 +360,7 @@ impl Scene {
         look: &Look<'_>,
         apart_m: &mut [f64; CELLS],
     ) -> Load {
-        let Some(mut pairing) = self.on_circle(active, x_cf) else { return Load::NONE };
+        let Some(pairing) = self.on_circle(active, x_cf) else { return Load::NONE };
         let own = if active { &self.active } else { &self.passive };
         let Some(petals) = &own.petals else { return Load::NONE };
         let centre = x_cf.point(petals.centre);
@@ -375,16 +371,9 @@ impl Scene {
             *apart_m = [gap; CELLS];
             return Load::NONE;
         }
-        if let Some((cell, z, normal)) = look.meeting::<2>(sum) {
-            let n = pairing.r * normal;
-            let x = x_cf.point(pairing.sheet.at(z[0], z[1]));
-            let e = DVec2::new(x.y, x.z).normalize_or(DVec2::X);
-            pairing.side = Some(DVec2::new(n.x, n.y * e.x + n.z * e.y).normalize_or(DVec2::X));
-            if let Some(load) = self.beyond(&pairing, cell, &z, sum) {
-                *apart_m = [0.0; CELLS];
-                return load;
-            }
-            pairing.side = None;
+        if let Some(load) = self.beyond(&pairing, look, sum) {
+            *apart_m = [0.0; CELLS];
+            return load;
         }
         self.petal(&pairing, look, apart_m)
     }
@@ -396,16 +385,11 @@ impl Scene {
             r: x_ab.r,
             p: x_ab.p,
             stiffness: self.stiffness(&a.sheet, Some(&b.sheet)),
-            side: None,
+            lift: 0.0,
         }
     }
 
-    fn petal_petal(
-        &self,
-        x_ab: &Frame,
-        look: &Look<'_>,
-        apart_m: &mut [f64; CELLS],
-    ) -> Load {
+    fn petal_petal(&self, x_ab: &Frame, look: &Look<'_>, apart_m: &mut [f64; CELLS]) -> Load {
         let (Some(a), Some(b)) = (&self.active.petals, &self.passive.petals) else {
             return Load::NONE;
         };
@@ -415,29 +399,24 @@ impl Scene {
             *apart_m = [gap; CELLS];
             return Load::NONE;
         }
-        let mut pairing = self.on_sheet((a, b), x_ab);
-        if let Some((cell, z, normal)) = look.meeting::<4>(sum) {
-            pairing.side = Some(normal);
-            if let Some(load) = self.beyond(&pairing, cell, &z, sum) {
-                *apart_m = [0.0; CELLS];
-                return load;
-            }
-            pairing.side = None;
+        let pairing = self.on_sheet((a, b), x_ab);
+        if let Some(load) = self.beyond(&pairing, look, sum) {
+            *apart_m = [0.0; CELLS];
+            return load;
         }
         self.petal(&pairing, look, apart_m)
     }
 
     /// The one place followed where the cores meet or have met; `None` while they are still apart.
-    fn beyond<P: OnPetal<N>, const N: usize>(
+    fn beyond<P: OnPetal<N> + Lift<N>, const N: usize>(
         &self,
         pairing: &P,
-        cell: usize,
-        z: &[f64; N],
+        look: &Look<'_>,
         sum: f64,
     ) -> Option<Load> {
-        let place = super::search::follow(pairing, &pairing.over([-1.0, 1.0], [0.0, 1.0]), z)?;
-        (place.depth > sum - MEETING_M)
-            .then(|| super::cells::single_load(pairing, &self.elastic(), cell, place))
+        let (cell, z, about) = look.meeting::<N>(sum)?;
+        let place = follow(pairing, &pairing.over([-1.0, 1.0], [0.0, 1.0]), &z, about);
+        (place.depth > sum - MEETING_M).then(|| single_load(pairing, &self.elastic(), cell, place))
     }
 
     fn petal<P: OnPetal<N>, const N: usize>(

@@ -173,7 +173,8 @@ fn touching_cells<P: OnPetal<N>, const N: usize>(
                 .unwrap_or_else(|| Start::at(near().unwrap_or_else(|| rect.middle())));
             let best = deepest(pairing, &rect, 0.0, &start);
             if best.place.effective > 0.0 {
-                found[i] = Some(Element { proof: best.proof, ..element(pairing, elastic, best.place) });
+                found[i] =
+                    Some(Element { proof: best.proof, ..element(pairing, elastic, best.place) });
             } else {
                 memory.apart_m[i] = -best.at_most;
             }
@@ -190,9 +191,7 @@ fn on_rect<P: OnPetal<N>, const N: usize>(
     (u, s): ([f64; 2], [f64; 2]),
     known: &[&Place<N, P::Aim>],
 ) -> Option<Element<N, P::Aim>> {
-    let within = |z: &[f64; N]| {
-        u[0] <= z[0] && z[0] <= u[1] && s[0] <= z[1] && z[1] <= s[1]
-    };
+    let within = |z: &[f64; N]| u[0] <= z[0] && z[0] <= u[1] && s[0] <= z[1] && z[1] <= s[1];
     let lowest = known.iter().min_by(|a, b| a.effective.total_cmp(&b.effective))?;
     let place = match known.iter().find(|p| within(&p.z)) {
         Some(place) => **place,
@@ -278,8 +277,7 @@ fn add_corners<P: OnPetal<N>, const N: usize>(
                 cell(column - 1, row),
                 cell(column, row),
             ];
-            let meets =
-                |b: &&Border<N, P::Aim>| b.cells.iter().all(|c| around.contains(c));
+            let meets = |b: &&Border<N, P::Aim>| b.cells.iter().all(|c| around.contains(c));
             let mut sides = borders.iter().flatten().filter(meets);
             let (Some(a), Some(b), Some(c), Some(d)) =
                 (sides.next(), sides.next(), sides.next(), sides.next())

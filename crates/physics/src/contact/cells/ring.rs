@@ -84,8 +84,7 @@ impl<'a> RingPair<'a> {
     ) -> Self {
         let [y, z] = [r.y_axis, r.z_axis].map(|v| v * own.radius);
         let height = [p.x, y.x, z.x];
-        let square =
-            [own.radius * own.radius + p.length_squared(), 2.0 * p.dot(y), 2.0 * p.dot(z)];
+        let square = [own.radius * own.radius + p.length_squared(), 2.0 * p.dot(y), 2.0 * p.dot(z)];
         // ρ² = square − height²: once around, and twice around.
         let once = (square[1] - 2.0 * height[0] * height[1])
             .hypot(square[2] - 2.0 * height[0] * height[2]);
@@ -164,7 +163,9 @@ impl<'a> RingPair<'a> {
             }
             return;
         }
-        let even = 0.5 * l * (a.slope.abs().max(b.slope.abs()) + 0.5 * l * concave.abs().max(convex.abs()));
+        let even = 0.5
+            * l
+            * (a.slope.abs().max(b.slope.abs()) + 0.5 * l * concave.abs().max(convex.abs()));
         if level >= 20 || even < 1e-12 {
             return; // flat: any point will do
         }
@@ -188,7 +189,11 @@ impl<'a> RingPair<'a> {
             if at.q < best.q {
                 *best = at;
             }
-            if at.slope < 0.0 { lo = x } else { hi = x }
+            if at.slope < 0.0 {
+                lo = x
+            } else {
+                hi = x
+            }
             let next = x - at.slope / at.bend;
             let next = if next > lo && next < hi { next } else { 0.5 * (lo + hi) };
             let moved = (next - x).abs();

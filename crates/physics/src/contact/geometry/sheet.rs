@@ -45,9 +45,7 @@ pub(crate) struct Sheet {
     tip: Arc,
     /// Radius of the ball that sweeps it, m.
     pub(crate) ball: f64,
-    /// Length of the middle ruling, m.
-    pub(crate) length: f64,
-    /// Compliance of the tip as a cantilever, L³/(3EI), m/N.
+    /// Compliance of the tip as a cantilever of the middle ruling's length L, L³/(3EI), m/N.
     pub(crate) tip_compliance: f64,
     pub(crate) reach: Reach,
 }
@@ -89,7 +87,6 @@ impl Sheet {
             base,
             tip,
             ball: 0.5 * g.thickness_m,
-            length,
             tip_compliance: length.powi(3) / (3.0 * g.flexural_rigidity_n_m2),
             reach: Reach {
                 u: [larger(1), larger(2), larger(3), larger(4)],
@@ -129,10 +126,8 @@ impl Sheet {
         let centre = self.at(0.0, 0.5);
         // On every line of the patch the farthest point is an end; the arcs bulge away from the axis.
         let corners = [(-1.0, 0.0), (0.0, 0.0), (-1.0, 1.0), (0.0, 1.0)];
-        let radius = corners
-            .iter()
-            .map(|(u, s)| (self.at(*u, *s) - centre).length())
-            .fold(0.0, f64::max);
+        let radius =
+            corners.iter().map(|(u, s)| (self.at(*u, *s) - centre).length()).fold(0.0, f64::max);
         (centre, radius)
     }
 }
@@ -253,7 +248,12 @@ impl Sheet {
     /// Bounds of the third and fourth derivative by u of (x, ρ) wherever s is in `span`, at least `nearest` from
     /// the axis. The squared distance from the axis is a sum of cosines of u; where the axes nearly agree
     /// all of them are small.
-    pub(crate) fn change_about(&self, span: [f64; 2], (r, p): (&DMat3, DVec3), nearest: f64) -> [f64; 2] {
+    pub(crate) fn change_about(
+        &self,
+        span: [f64; 2],
+        (r, p): (&DMat3, DVec3),
+        nearest: f64,
+    ) -> [f64; 2] {
         let off = |v: DVec3| DVec2::new(v.y, v.z);
         let (y, z) = (off(r.y_axis), off(r.z_axis));
         let centre = |s: f64| off(p + r.x_axis * (self.base.x + (self.tip.x - self.base.x) * s));
@@ -300,11 +300,7 @@ pub(crate) fn off_axis(x: DVec3) -> f64 {
 /// derivative is nowhere below −k, `k` times the square of the interval's length.
 pub(crate) fn chord(g0: f64, g1: f64, k: f64) -> f64 {
     let d = g1 - g0;
-    if d.abs() >= 0.5 * k {
-        g0.max(g1)
-    } else {
-        0.5 * (g0 + g1) + 0.125 * k + d * d / (2.0 * k)
-    }
+    if d.abs() >= 0.5 * k { g0.max(g1) } else { 0.5 * (g0 + g1) + 0.125 * k + d * d / (2.0 * k) }
 }
 
 /// A piece of a straight line: `a + s d` with s in `range`.
@@ -425,8 +421,7 @@ mod tests {
             );
             let n = DVec3::new((2.1 * t).sin(), (3.3 * t).cos(), (1.7 * t).sin()).normalize();
             let m = DVec2::new((0.9 * t).cos(), (0.9 * t).sin().abs());
-            let (flat, about) =
-                (patch.tops(&sheet, n), patch.tops_about(&sheet, &turn, p, m));
+            let (flat, about) = (patch.tops(&sheet, n), patch.tops_about(&sheet, &turn, p, m));
             let mut most = [[f64::NEG_INFINITY; 2]; 2];
             for i in 0..=20 {
                 let u = patch.u[0] + (patch.u[1] - patch.u[0]) * f64::from(i) / 20.0;

@@ -23,9 +23,10 @@ mod proof;
 
 pub(crate) use on_circle::OnCircle;
 pub(crate) use on_sheet::OnSheet;
-pub(crate) use proof::{Found, KeptProof, Proof, Start, deepest};
+pub(crate) use proof::{KeptProof, Proof, Start, deepest};
 
-use newton::{Jet, stationary};
+use docktwin_core::DVec3;
+use newton::{Jet, minimise};
 
 /// A rectangle of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,8 +138,8 @@ impl Stiffness {
                 if i == k {
                     gg += first * twice[i];
                 }
-                at.h[i][k] = g * at.h[i][k] + first * (slope[i] * by[k] + by[i] * slope[k])
-                    - depth * gg;
+                at.h[i][k] =
+                    g * at.h[i][k] + first * (slope[i] * by[k] + by[i] * slope[k]) - depth * gg;
             }
             at.g[i] = g * slope[i] - depth * first * by[i];
         }
@@ -157,16 +158,6 @@ pub(crate) struct Place<const N: usize, A> {
     pub(crate) softening: Softening,
     /// Direction from the first core to the second.
     pub(crate) aim: A,
-}
-
-#[doc(hidden)]
-pub mod count {
-    use std::cell::Cell;
-    thread_local! {
-        pub static SEARCHES: [Cell<u64>; 8] = const { [const { Cell::new(0) }; 8] };
-    }
-    pub fn add(i: usize, n: u64) { SEARCHES.with(|s| s[i].set(s[i].get() + n)); }
-    pub fn take() -> [u64; 8] { SEARCHES.with(|s| core::array::from_fn(|i| s[i].replace(0))) }
 }
 
 /// Two cores, the first with its parameters in front.
@@ -208,12 +199,45 @@ pub(crate) trait Pairing<const N: usize> {
 /// Cores nearer than this have no direction of their own, m.
 const NO_GAP: f64 = 1e-9;
 
-/// Goes on from a place near `z` once the cores have gone through each other: the pairing has a side, and
-/// the place is where the signed depth is stationary. `None` where it cannot be followed.
-pub(crate) fn follow<P: Pairing<N>, const N: usize>(
+/// How far apart two cores are brought to follow a place through their meeting, m.
+const LIFT_M: f64 = 0.02;
+/// Rounds in which the direction settles, and how still it is then.
+const MOST_TURNS: u32 = 12;
+const STILL: f64 = 1e-10;
+
+/// A pairing whose cores can be moved apart.
+pub(crate) trait Lift<const N: usize>: Pairing<N> {
+    /// The same with the first core moved off the second by `by`, m, against `normal` (first core's
+    /// frame, first to second). Distances count from where it was.
+    fn lifted(&self, normal: DVec3, by: f64) -> Self;
+    /// A place's direction from the first core to the second, first core's frame.
+    fn normal(&self, place: &Place<N, Self::Aim>) -> DVec3;
+}
+
+/// The place near `z` whose normal and depth (m) are about those given, also where the cores meet or have gone through
+/// each other, with a distance below zero then.
+///
+/// There the nearest points have no direction. But with one core moved off along the normal the cores are
+/// apart, and where the nearest points are then as far apart in *that* direction, they also were points of
+/// stationary signed distance before: gap = d n, n across both cores.
+pub(crate) fn follow<P: Lift<N>, const N: usize>(
     pairing: &P,
     rect: &Rect<N>,
     z: &[f64; N],
-) -> Option<Place<N, P::Aim>> {
-    stationary(&rect.clamp(z), &rect.lo, &rect.hi, |z| pairing.eval(z)).map(|z| pairing.place(z))
+    (normal, depth): (DVec3, f64),
+) -> Place<N, P::Aim> {
+    let lift = LIFT_M + (depth - pairing.sum()).max(0.0);
+    let (mut z, mut normal) = (*z, normal);
+    let mut turns = 0;
+    loop {
+        let lifted = pairing.lifted(normal, lift);
+        let (next, _) = minimise(z, &rect.lo, &rect.hi, |z| lifted.eval(z));
+        let place = lifted.place(next);
+        let there = lifted.normal(&place);
+        turns += 1;
+        if (there - normal).length() < STILL || turns == MOST_TURNS {
+            return place;
+        }
+        (z, normal) = (next, there);
+    }
 }

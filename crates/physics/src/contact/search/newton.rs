@@ -61,12 +61,7 @@ fn larger(shift: f64) -> f64 {
 }
 
 /// Which parameters are not held by a bound.
-fn free<const N: usize>(
-    z: &[f64; N],
-    lo: &[f64; N],
-    hi: &[f64; N],
-    g: &[f64; N],
-) -> [bool; N] {
+fn free<const N: usize>(z: &[f64; N], lo: &[f64; N], hi: &[f64; N], g: &[f64; N]) -> [bool; N] {
     core::array::from_fn(|i| {
         lo[i] < hi[i] && !(z[i] <= lo[i] && g[i] >= 0.0 || z[i] >= hi[i] && g[i] <= 0.0)
     })
@@ -94,68 +89,6 @@ fn newton_step<const N: usize>(at: &Jet<N>, free: &[bool; N], shift: f64) -> Opt
         for j in i + 1..N {
             let l = a[j][i] / a[i][i];
             for k in i + 1..N {
-                a[j][k] -= l * a[i][k];
-            }
-            x[j] -= l * x[i];
-        }
-    }
-    for i in (0..N).rev() {
-        for k in i + 1..N {
-            x[i] -= a[i][k] * x[k];
-        }
-        x[i] /= a[i][i];
-    }
-    Some(x)
-}
-
-/// A stationary point near `z` on a box, of whatever kind; parameters at a bound stay there while the
-/// function falls outwards.
-pub(crate) fn stationary<const N: usize>(
-    z: &[f64; N],
-    lo: &[f64; N],
-    hi: &[f64; N],
-    eval: impl Fn(&[f64; N]) -> Jet<N>,
-) -> Option<[f64; N]> {
-    const LONGEST: f64 = 0.1;
-    let mut z = *z;
-    for _ in 0..20 {
-        let at = eval(&z);
-        let step = solve(&at, &free(&z, lo, hi, &at.g))?;
-        let next: [f64; N] = core::array::from_fn(|i| {
-            (z[i] + step[i].clamp(-LONGEST, LONGEST)).clamp(lo[i], hi[i])
-        });
-        let moved = (0..N).map(|i| (next[i] - z[i]).abs()).fold(0.0, f64::max);
-        z = next;
-        if moved < SHORT {
-            return Some(z);
-        }
-    }
-    None
-}
-
-/// `−H⁻¹ g` on the free parameters, by elimination with pivots.
-fn solve<const N: usize>(at: &Jet<N>, free: &[bool; N]) -> Option<[f64; N]> {
-    let mut a = [[0.0; N]; N];
-    let mut x = [0.0; N];
-    for i in 0..N {
-        a[i][i] = 1.0;
-        if free[i] {
-            x[i] = -at.g[i];
-            for j in 0..N {
-                a[i][j] = if free[j] { at.h[i][j] } else { 0.0 };
-            }
-        }
-    }
-    for i in 0..N {
-        let pivot = (i..N).fold(i, |b, k| if a[k][i].abs() > a[b][i].abs() { k } else { b });
-        a.swap(i, pivot);
-        x.swap(i, pivot);
-        if a[i][i].abs() < 1e-12 {
-            return None;
-        }
-        for j in i + 1..N {
-            let l = a[j][i] / a[i][i];
-            for k in i..N {
                 a[j][k] -= l * a[i][k];
             }
             x[j] -= l * x[i];
@@ -199,10 +132,7 @@ mod tests {
             Jet {
                 f: (1.0 - x).powi(2) + 100.0 * r * r,
                 g: [-2.0 * (1.0 - x) - 400.0 * x * r, 200.0 * r],
-                h: [
-                    [2.0 - 400.0 * (y - 3.0 * x * x), -400.0 * x],
-                    [-400.0 * x, 200.0],
-                ],
+                h: [[2.0 - 400.0 * (y - 3.0 * x * x), -400.0 * x], [-400.0 * x, 200.0]],
             }
         };
         let (z, at) = minimise([-1.2, 1.0], &[-2.0; 2], &[2.0; 2], eval);

@@ -7,7 +7,7 @@ use docktwin_core::{DMat3, DVec3};
 use glam::DVec2;
 
 use super::{
-    NO_GAP, Pairing, Place, Rect, Stiffness,
+    Lift, NO_GAP, Pairing, Place, Rect, Stiffness,
     newton::{Jet, is_positive},
 };
 use crate::contact::{
@@ -23,8 +23,8 @@ pub(crate) struct OnCircle<'a> {
     pub(crate) r: DMat3,
     pub(crate) p: DVec3,
     pub(crate) stiffness: Stiffness,
-    /// On which side the circle is, once the cores may have gone through each other.
-    pub(crate) side: Option<DVec2>,
+    /// By how much the sheet was moved off the circle, m (see [`super::follow`]).
+    pub(crate) lift: f64,
 }
 
 /// Direction from the sheet to the circle: in the half-plane (x, ρ), and the half-plane's own (y, z).
@@ -79,14 +79,10 @@ impl OnCircle<'_> {
         (d, Aim { n, e: DVec2::new(x.y, x.z) / rho })
     }
 
-    /// Distance and direction of a gap in the half-plane, against the side where there is one.
+    /// Distance and direction of a gap in the half-plane.
     fn oriented(&self, gap: DVec2) -> (f64, DVec2) {
         let d = gap.length();
-        let n = if d > NO_GAP { gap / d } else { self.side.unwrap_or(DVec2::X) };
-        match self.side {
-            Some(side) if n.dot(side) < 0.0 => (-d, -n),
-            _ => (d, n),
-        }
+        (d - self.lift, if d > NO_GAP { gap / d } else { DVec2::X })
     }
 }
 
@@ -141,7 +137,7 @@ impl Pairing<2> for OnCircle<'_> {
     fn eval(&self, z: &[f64; 2]) -> Jet<2> {
         let (h, _) = self.half(&self.sheet.jet(z[0], z[1]));
         let (d, n) = self.oriented(DVec2::new(-h.at.x, self.circle.radius - h.at.y));
-        let per_d = 1.0 / if d.abs() > NO_GAP { d } else { NO_GAP };
+        let per_d = 1.0 / (d + self.lift).max(NO_GAP);
         let across = DVec2::new(-n.y, n.x);
         let c = h.first.map(|v| across.dot(v));
         let bend = |i: usize, k: usize| c[i] * c[k] * per_d - n.dot(h.second(i, k));
@@ -198,11 +194,10 @@ impl Pairing<2> for OnCircle<'_> {
     fn is_alone(&self, rect: &Rect<2>, place: &Place<2, Aim>) -> bool {
         let j = self.sheet.jet(place.z[0], place.z[1]);
         let (h, e) = self.half(&j);
-        let d = self.sum() - place.depth;
+        let d = self.sum() - place.depth + self.lift;
         let n = place.aim.n;
-        let far: [f64; 2] = core::array::from_fn(|i| {
-            (rect.hi[i] - place.z[i]).max(place.z[i] - rect.lo[i])
-        });
+        let far: [f64; 2] =
+            core::array::from_fn(|i| (rect.hi[i] - place.z[i]).max(place.z[i] - rect.lo[i]));
         let over = place.depth.max(0.0) * place.softening.slope[0] / place.softening.inverse;
         let slope = [-n.dot(h.first[0]), -n.dot(h.first[1]) + over];
         let across = DVec2::new(-n.y, n.x);
@@ -210,7 +205,9 @@ impl Pairing<2> for OnCircle<'_> {
         let bend = |i: usize, k: usize| (1.0 - GIVEN) * c[i] * c[k] - d * n.dot(h.second(i, k));
         let mut m = [[bend(0, 0), bend(0, 1)], [0.0, bend(1, 1) - 2.0 * over * over]];
         let even = (m[0][0] / m[1][1]).max(0.0).sqrt().clamp(0.02, 1.0);
-        let Some(rest) = Remainder::new(self, &h, [rect.lo[1], rect.hi[1]], far, even) else { return false };
+        let Some(rest) = Remainder::new(self, &h, [rect.lo[1], rect.hi[1]], far, even) else {
+            return false;
+        };
         let lateral = rest.lateral(&h, across);
         let cubic = rest.cubic(&h, n, [self.split(e, j.uuu).0, self.split(e, j.uus).0]);
         for i in 0..2 {
@@ -225,6 +222,16 @@ impl Pairing<2> for OnCircle<'_> {
             }
         }
         is_positive(m)
+    }
+}
+
+impl Lift<2> for OnCircle<'_> {
+    fn lifted(&self, normal: DVec3, by: f64) -> Self {
+        Self { p: self.p - self.r * normal * by, lift: by, ..*self }
+    }
+
+    fn normal(&self, place: &Place<2, Aim>) -> DVec3 {
+        self.contact(place).1
     }
 }
 

@@ -3,7 +3,7 @@
 use docktwin_core::{DMat3, DVec3};
 
 use super::{
-    NO_GAP, Pairing, Place, Rect, Stiffness,
+    Lift, NO_GAP, Pairing, Place, Rect, Stiffness,
     newton::{Jet, is_positive},
     on_circle::held,
 };
@@ -20,8 +20,8 @@ pub(crate) struct OnSheet<'a> {
     pub(crate) r: DMat3,
     pub(crate) p: DVec3,
     pub(crate) stiffness: Stiffness,
-    /// On which side the second sheet is, once the cores may have gone through each other.
-    pub(crate) side: Option<DVec3>,
+    /// By how much the second sheet was moved off the first, m (see [`super::follow`]).
+    pub(crate) lift: f64,
 }
 
 const GIVEN: f64 = 0.65;
@@ -29,14 +29,10 @@ const CORNER_STEPS: usize = 4;
 const STATIONARY: f64 = 1e-9;
 
 impl OnSheet<'_> {
-    /// Distance and direction of a gap, against the side where there is one.
+    /// Distance and direction of a gap.
     fn oriented(&self, gap: DVec3) -> (f64, DVec3) {
         let d = gap.length();
-        let n = if d > NO_GAP { gap / d } else { self.side.unwrap_or(DVec3::X) };
-        match self.side {
-            Some(side) if n.dot(side) < 0.0 => (-d, -n),
-            _ => (d, n),
-        }
+        (d - self.lift, if d > NO_GAP { gap / d } else { DVec3::X })
     }
 
     fn gap(&self, z: &[f64; 4]) -> DVec3 {
@@ -57,7 +53,6 @@ impl OnSheet<'_> {
         h[2][2] += factor * n_b.dot(b.uu);
         h[2][3] += factor * n_b.dot(b.us);
     }
-
 }
 
 impl OnPetal<4> for OnSheet<'_> {
@@ -119,7 +114,7 @@ impl Pairing<4> for OnSheet<'_> {
         let (a, b) = (self.a.jet(z[0], z[1]), self.b.jet(z[2], z[3]));
         let (gap, first) = self.first(&a, &b);
         let (d, n) = self.oriented(gap);
-        let per_d = 1.0 / if d.abs() > NO_GAP { d } else { NO_GAP };
+        let per_d = 1.0 / (d + self.lift).max(NO_GAP);
         let along = first.map(|v| v.dot(n));
         let mut h = [[0.0; 4]; 4];
         for i in 0..4 {
@@ -161,13 +156,7 @@ impl Pairing<4> for OnSheet<'_> {
         ([z[0], s, z[2], t], effective, self.across([a, b], gap))
     }
 
-    fn excess(
-        &self,
-        [a, b]: &[Patch; 2],
-        n: &DVec3,
-        best: &Place<4, DVec3>,
-        target: f64,
-    ) -> f64 {
+    fn excess(&self, [a, b]: &[Patch; 2], n: &DVec3, best: &Place<4, DVec3>, target: f64) -> f64 {
         let tops = [a.tops(self.a, *n), b.tops(self.b, -(self.r.transpose() * *n))];
         let room = self.sum() - n.dot(self.p);
         let highest = |t: [f64; 2]| t[0].max(t[1]);
@@ -191,9 +180,8 @@ impl Pairing<4> for OnSheet<'_> {
         let jets = (self.a.jet(z[0], z[1]), self.b.jet(z[2], z[3]));
         let (_, first) = self.first(&jets.0, &jets.1);
         let n = place.aim;
-        let d = self.sum() - place.depth;
-        let far: [f64; 4] =
-            core::array::from_fn(|i| (rect.hi[i] - z[i]).max(z[i] - rect.lo[i]));
+        let d = self.sum() - place.depth + self.lift;
+        let far: [f64; 4] = core::array::from_fn(|i| (rect.hi[i] - z[i]).max(z[i] - rect.lo[i]));
         let w = &place.softening;
         let over = w.slope.map(|x| place.depth.max(0.0) * x / w.inverse);
         let mut slope = first.map(|v| v.dot(n));
@@ -227,14 +215,23 @@ impl Pairing<4> for OnSheet<'_> {
     }
 }
 
+impl Lift<4> for OnSheet<'_> {
+    fn lifted(&self, normal: DVec3, by: f64) -> Self {
+        Self { p: self.p + normal * by, lift: by, ..*self }
+    }
+
+    fn normal(&self, place: &Place<4, DVec3>) -> DVec3 {
+        place.aim
+    }
+}
+
 impl OnSheet<'_> {
     /// Direction across two flat patches: from a vector between them toward the shortest, by steps to
     /// the corners that lie farthest against it (Frank and Wolfe).
     fn across(&self, [a, b]: [&Patch; 2], gap: DVec3) -> DVec3 {
         let mut gap = gap;
         for _ in 0..CORNER_STEPS {
-            let corner =
-                self.r * b.corner(-(self.r.transpose() * gap)) + self.p - a.corner(gap);
+            let corner = self.r * b.corner(-(self.r.transpose() * gap)) + self.p - a.corner(gap);
             let d = corner - gap;
             let t = -gap.dot(d) / d.length_squared().max(1e-30);
             if t <= 0.0 {

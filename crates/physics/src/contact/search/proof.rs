@@ -103,17 +103,12 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
     start: &Start<N>,
 ) -> Found<N, P::Aim> {
     let place = polish(pairing, rect, &start.z);
-    let o = if N == 2 { 0 } else { 4 };
-    super::count::add(o, 1);
     if let Some(proof) = start.proof
         && proof.rest <= place.effective
         && proof.basin.contains(&place.z)
         && pairing.is_alone(&proof.basin, &place)
     {
         return Found { place, at_most: place.effective, proof: Some(proof) };
-    }
-    if std::env::var("KD").is_ok() && let Some(proof) = start.proof {
-        println!("N{N} place {:.3?} eff {:.3e} rest {:.3e} rest-eff {:.3e} contains {} alone {} basin {:.3?} {:.3?}", place.z, place.effective, proof.rest, proof.rest - place.effective, proof.basin.contains(&place.z), pairing.is_alone(&proof.basin, &place), proof.basin.lo, proof.basin.hi);
     }
     let part = pairing.part(rect);
     let target = goal(place.effective, floor);
@@ -134,16 +129,10 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
     };
     search.keep_basin(&place);
     let rest = search.run();
-    super::count::add(o + 1, 1);
-    super::count::add(o + 2, u64::from(search.parts));
-    if search.best.effective > 0.0 { super::count::add(o + 3, u64::from(search.parts)); }
-    if std::env::var("KD").is_ok() && search.best.effective > 0.0 {
-        println!("   proof N{N} parts {} rest-eff {:.3e} basin {:.3?} start proof {}", search.parts, rest - search.best.effective, search.basins[0], start.proof.is_some());
-    }
     let basin = search.basins[0].filter(|_| search.best.effective > floor);
     Found {
         place: search.best,
-        at_most: search.target,
+        at_most: search.target.max(rest),
         proof: basin.map(|basin| Proof { basin, rest }),
     }
 }
@@ -198,7 +187,10 @@ impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
             let most = self.open[i].as_ref().map_or(f64::NEG_INFINITY, |o| o.excess);
             if most <= 0.0 {
                 let at = *proven_at.get_or_insert(self.parts);
-                if self.best.effective <= self.floor || most <= -AMPLE_M || self.parts >= at + SPARE_PARTS {
+                if self.best.effective <= self.floor
+                    || most <= -AMPLE_M
+                    || self.parts >= at + SPARE_PARTS
+                {
                     break;
                 }
             }
