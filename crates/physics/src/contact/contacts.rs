@@ -1,12 +1,13 @@
 //! What a measurement found, and the law applied to it for given velocities.
 
+use arrayvec::ArrayVec;
 use docktwin_core::{DVec3, Pose, Twist, Wrench};
 use docktwin_model::{ContactLaw, NormalLaw};
 
 use super::{
-    cells::{CELLS, Load, Touch},
+    cells::{Load, Touch},
     law,
-    memory::{ContactState, MOST_PAIRS, MOST_TRACKS, Track, shortened},
+    memory::{ApartM, ContactState, KeptApart, MOST_PAIRS, MOST_PLACES, Seeds, Track},
     scene::Look,
 };
 
@@ -21,8 +22,7 @@ struct Place {
 /// What [`super::Scene::measure`] found.
 #[derive(Clone, Debug)]
 pub struct Contacts {
-    places: [Place; MOST_TRACKS],
-    len: usize,
+    places: ArrayVec<Place, MOST_PLACES>,
     law: ContactLaw,
     /// Elastic wrench of all places on the passive side about the active ring's centre, in its axes.
     elastic: Wrench,
@@ -30,9 +30,10 @@ pub struct Contacts {
     stored_j: f64,
     deepest_m: f64,
     touching: bool,
-    /// How far the cells of pairs that were looked at are apart, m.
-    apart_m: [[f32; CELLS]; MOST_PAIRS],
-    x_rp: Pose,
+    /// For the next search: where elements are deepest, and how far the others are apart.
+    pub(crate) seeds: Seeds,
+    apart: ArrayVec<KeptApart, MOST_PAIRS>,
+    pub(crate) x_rp: Pose,
 }
 
 /// Powers and energy of all contacts.
@@ -71,40 +72,39 @@ struct Loss {
 }
 
 impl Contacts {
-    /// No contact.
-    pub(crate) const fn none(law: &ContactLaw, x_wr: Pose) -> Self {
-        Self::new(law, x_wr, Pose::IDENTITY)
-    }
-
     /// Nothing yet, of a measurement at `x_rp`.
-    pub(crate) const fn new(law: &ContactLaw, x_wr: Pose, x_rp: Pose) -> Self {
-        const NOWHERE: Place = Place { pair: 0, touch: Touch::NONE, bristle: DVec3::ZERO };
+    #[inline]
+    pub(crate) fn new(law: &ContactLaw, x_wr: Pose, x_rp: Pose) -> Self {
         Self {
-            places: [NOWHERE; MOST_TRACKS],
-            len: 0,
+            places: ArrayVec::new(),
             law: *law,
             elastic: Wrench::ZERO,
             x_wr,
             stored_j: 0.0,
             deepest_m: 0.0,
             touching: false,
-            apart_m: [[0.0; CELLS]; MOST_PAIRS],
+            seeds: ArrayVec::new(),
+            apart: ArrayVec::new(),
             x_rp,
         }
     }
 
-    pub(crate) fn set_apart(&mut self, pair: usize, apart_m: &[f64; CELLS]) {
-        self.apart_m[pair] = apart_m.map(shortened);
+    /// Keeps how far the next pair's elements are apart.
+    pub(crate) fn push_apart(&mut self, apart_m: &ApartM) {
+        // A scene has no more pairs than there is room for.
+        let _ = self.apart.try_push(KeptApart::of(apart_m));
     }
 
-    /// Adds what a pair does.
+    /// Adds what the next pair does.
     pub(crate) fn add(
         &mut self,
         load: &Load,
         look: &Look<'_>,
+        apart_m: &ApartM,
         neighbours: fn(usize, usize) -> bool,
     ) {
-        if load.len == 0 {
+        self.push_apart(apart_m);
+        if load.touches.is_empty() {
             return;
         }
         let (x, sign, pair) = (&look.first, look.sign, look.pair);
@@ -114,8 +114,7 @@ impl Contacts {
         let force = x.r * load.force * sign;
         self.elastic.f += force;
         self.elastic.m += x.r * load.moment * sign + x.p.cross(force);
-        for touch in &load.touches[..load.len] {
-            let Some(free) = self.places.get_mut(self.len) else { return };
+        for touch in &load.touches {
             let mut t = *touch;
             t.point = x.point(t.point);
             t.elastic = x.r * t.elastic * sign;
@@ -126,15 +125,17 @@ impl Contacts {
                 of_pair().find(|k| neighbours(usize::from(k.cell), usize::from(t.cell)))
             });
             let bristle = from.map_or(DVec3::ZERO, |k| k.bristle);
-            *free = Place { pair: u8::try_from(pair).unwrap_or(u8::MAX), touch: t, bristle };
-            self.len += 1;
+            let pair = u8::try_from(pair).unwrap_or(u8::MAX);
+            if self.places.try_push(Place { pair, touch: t, bristle }).is_err() {
+                return;
+            }
         }
     }
 
     /// Number of places.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.places().filter(|p| p.touch.rubbing_n > 0.0).count()
+        self.places.iter().filter(|p| p.touch.rubbing_n > 0.0).count()
     }
 
     /// Whether nothing touches.
@@ -161,10 +162,6 @@ impl Contacts {
         self.stored_j
     }
 
-    fn places(&self) -> impl Iterator<Item = &Place> {
-        self.places[..self.len].iter()
-    }
-
     /// Wrench on the passive side about `about_w` (m, world), world axes, and the power lost. The
     /// active side gets the opposite at the same points. `active` and `passive` are the motions of
     /// both bodies as velocity at `about_w` and angular velocity, world axes; `h` is the step over
@@ -180,7 +177,7 @@ impl Contacts {
         let mut w = self.elastic;
         let mut e = ContactEnergy::default();
         let motion = self.motion(about_w, active, passive);
-        for p in self.places().filter(|p| p.touch.rubbing_n > 0.0) {
+        for p in self.places.iter().filter(|p| p.touch.rubbing_n > 0.0) {
             let one = self.loss(p, motion, h);
             w.push(p.touch.point, one.damping + one.friction);
             w.m += one.couple;
@@ -248,19 +245,15 @@ impl Contacts {
     ) {
         let motion = self.motion(about_w, active, passive);
         state.begin(self.x_rp);
-        for (pair, apart) in self.apart_m.iter().enumerate() {
-            state.set_apart(pair, apart);
-        }
-        for p in self.places() {
+        state.keep(&self.seeds, &self.apart);
+        for p in self.places.iter() {
             let one = self.loss(p, motion, h);
             state.push(Track {
                 pair: p.pair,
                 cell: p.touch.cell,
-                z: p.touch.z,
                 bristle: one.bristle_end,
                 normal: p.touch.dir.normalize_or_zero(),
                 depth: p.touch.depth,
-                proof: p.touch.proof,
             });
         }
     }
@@ -277,7 +270,7 @@ impl Contacts {
         let motion = self.motion(about_w, active, passive);
         let q = self.x_wr.q;
         let mut n = 0;
-        for p in self.places().filter(|p| p.touch.rubbing_n > 0.0) {
+        for p in self.places.iter().filter(|p| p.touch.rubbing_n > 0.0) {
             let Some(slot) = out.get_mut(n) else { break };
             let one = self.loss(p, motion, h);
             *slot = ContactSample {

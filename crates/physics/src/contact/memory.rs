@@ -1,21 +1,26 @@
 //! What contact remembers from step to step.
 
+use arrayvec::ArrayVec;
 use docktwin_core::{DVec3, Pose, StateHasher};
 
-use super::{cells::CELLS, search::KeptProof};
+use super::{
+    cells::{CELLS, ELEMENTS},
+    scene::PAIRS,
+    search::{KeptProof, Rect, Start},
+};
 
-/// Pairs of surfaces a scene may have.
-pub(crate) const MOST_PAIRS: usize = 64;
-/// Places with a memory at a time. Where more touch, the last ones start anew each step.
-pub(crate) const MOST_TRACKS: usize = 32;
+/// Pairs of surfaces a scene may have. More cost only room: 42 bytes a pair in every copy.
+pub(crate) const MOST_PAIRS: usize = PAIRS;
+/// Places with friction at a time. Where more touch, the last ones neither rub nor damp.
+pub(crate) const MOST_PLACES: usize = 24;
+/// Elements remembered for the search. What finds no room is sought anew each step.
+const MOST_SEEDS: usize = 48;
 
 /// One place that touched in the step before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Track {
     pub(crate) pair: u8,
     pub(crate) cell: u8,
-    /// Parameters of the place.
-    pub(crate) z: [f64; 4],
     /// Bristle, relative to the break-away displacement; active ring's frame.
     pub(crate) bristle: DVec3,
     /// From the active to the passive surface, active ring's frame: tells on which side a surface is once the
@@ -23,82 +28,95 @@ pub(crate) struct Track {
     pub(crate) normal: DVec3,
     /// Depth, m.
     pub(crate) depth: f64,
-    /// What was proven of the cell. Saves time, changes nothing, and is no part of the digest.
+}
+
+/// What is this far apart is forgotten, m.
+pub(crate) const FAR_M: f64 = 5e-4;
+
+/// Where an element of a pair was deepest: the start of the next search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seed {
+    pub(crate) pair: u8,
+    pub(crate) element: u8,
+    pub(crate) z: [f64; 4],
+    /// What was proven of the element. Saves time, changes nothing, and is no part of the digest.
     pub(crate) proof: Option<KeptProof>,
 }
 
-impl Track {
-    const NONE: Self = Self {
-        pair: 0,
-        cell: 0,
-        z: [0.0; 4],
-        bristle: DVec3::ZERO,
-        normal: DVec3::ZERO,
-        depth: 0.0,
-        proof: None,
-    };
-}
+pub(crate) type Seeds = ArrayVec<Seed, MOST_SEEDS>;
 
-/// What contact remembers from step to step: where pairs touch with their bristles, and how far the others
-/// are apart.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ContactState {
-    tracks: [Track; MOST_TRACKS],
-    len: usize,
-    /// Distance by which each cell of each pair is known to be apart, m: it need not be measured before
-    /// the sides have moved that far. Saves time, changes nothing, and is no part of the digest.
-    apart_m: [[f32; CELLS]; MOST_PAIRS],
-    /// `X_r3r4` for which those distances hold.
-    measured_at: Option<Pose>,
-}
+/// How far all elements of a pair are surely apart; not above zero: not known.
+pub(crate) type ApartM = [f64; ELEMENTS];
 
-impl Default for ContactState {
-    fn default() -> Self {
-        Self {
-            tracks: [Track::NONE; MOST_TRACKS],
-            len: 0,
-            apart_m: [[0.0; CELLS]; MOST_PAIRS],
-            measured_at: None,
-        }
+/// The same as it is remembered: in tenths of a micrometre, never longer than it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct KeptApart([u16; ELEMENTS]);
+
+impl KeptApart {
+    const UNIT_M: f64 = 1e-7;
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped, floor")]
+    pub(crate) fn of(apart_m: &ApartM) -> Self {
+        Self(apart_m.map(|m| (m / Self::UNIT_M).clamp(0.0, f64::from(u16::MAX)) as u16))
     }
+
+    fn after(&self, moved: f64) -> ApartM {
+        self.0.map(|a| f64::from(a) * Self::UNIT_M - moved)
+    }
+}
+
+/// What contact remembers from step to step: bristles and normals of places, where the search found them, and how
+/// far apart the rest was.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactState {
+    tracks: ArrayVec<Track, MOST_PLACES>,
+    seeds: Seeds,
+    apart: ArrayVec<KeptApart, MOST_PAIRS>,
+    /// Pose of the passive ring in the active ring's frame of the measurement.
+    measured_at: Option<Pose>,
 }
 
 impl ContactState {
     /// Forgets all places, for a new measurement at `x_rp`.
     pub(crate) fn begin(&mut self, x_rp: Pose) {
-        self.len = 0;
+        self.tracks.clear();
         self.measured_at = Some(x_rp);
     }
 
-    /// Keeps how far the cells of a pair are apart, m.
-    pub(crate) fn set_apart(&mut self, pair: usize, apart_m: &[f32; CELLS]) {
-        self.apart_m[pair] = *apart_m;
+    /// Keeps what a measurement found for the next search.
+    pub(crate) fn keep(&mut self, seeds: &Seeds, apart: &ArrayVec<KeptApart, MOST_PAIRS>) {
+        self.seeds.clone_from(seeds);
+        self.apart.clone_from(apart);
     }
 
     /// Adds all bits that the next step depends on to a digest.
     pub fn hash_into(&self, h: &mut StateHasher) {
-        for t in self.tracks() {
+        for t in &self.tracks {
             h.u64(u64::from(t.pair) << 8 | u64::from(t.cell));
-            t.z.iter().for_each(|z| h.f64(*z));
             h.vec3(t.bristle);
             h.vec3(t.normal);
             h.f64(t.depth);
         }
-    }
-
-    pub(crate) fn tracks(&self) -> &[Track] {
-        &self.tracks[..self.len]
-    }
-
-    pub(crate) fn push(&mut self, track: Track) {
-        if let Some(free) = self.tracks.get_mut(self.len) {
-            *free = track;
-            self.len += 1;
+        for s in &self.seeds {
+            h.u64(u64::from(s.pair) << 8 | u64::from(s.element));
+            s.z.iter().for_each(|z| h.f64(*z));
         }
     }
 
+    pub(crate) fn push(&mut self, track: Track) {
+        // As many as a measurement has places.
+        let _ = self.tracks.try_push(track);
+    }
+
     pub(crate) fn of_pair(&self, pair: usize) -> impl Iterator<Item = &Track> {
-        self.tracks().iter().filter(move |t| usize::from(t.pair) == pair)
+        self.tracks.iter().filter(move |t| usize::from(t.pair) == pair)
+    }
+
+    /// Seeds of a pair; they lie together, by pairs in ascending order.
+    pub(crate) fn seeds_of(&self, pair: usize) -> &[Seed] {
+        let first = self.seeds.partition_point(|s| usize::from(s.pair) < pair);
+        let end = self.seeds.partition_point(|s| usize::from(s.pair) <= pair);
+        &self.seeds[first..end]
     }
 
     /// How far any point of the passive side may have moved against the active one since the last
@@ -113,14 +131,78 @@ impl ContactState {
     }
 
     /// What is left of a pair's known distances after the sides have moved so far.
-    pub(crate) fn still_apart(&self, pair: usize, moved: f64) -> [f64; CELLS] {
-        self.apart_m[pair].map(|a| f64::from(a) - moved)
+    pub(crate) fn still_apart(&self, pair: usize, moved: f64) -> ApartM {
+        self.apart.get(pair).map_or([-moved; ELEMENTS], |a| a.after(moved))
     }
 }
 
-/// A distance as it is remembered: never longer than it is.
-pub(crate) fn shortened(m: f64) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "shortened by more than the rounding")]
-    let short = (m * (1.0 - 1e-6)) as f32;
-    short.max(0.0)
+impl Seed {
+    fn new<const N: usize>(pair: u8, element: usize, z: &[f64; N]) -> Self {
+        let mut out = Self {
+            pair,
+            element: u8::try_from(element).unwrap_or(u8::MAX),
+            z: [0.0; 4],
+            proof: None,
+        };
+        out.z[..N].copy_from_slice(z);
+        out
+    }
+}
+
+/// What the search of one pair knows beforehand, and learns for the next time.
+pub(crate) struct PairMemory<'a> {
+    pub(crate) pair: u8,
+    pub(crate) known: &'a [Seed],
+    /// How far anything has moved since, m.
+    pub(crate) moved: f64,
+    pub(crate) apart_m: ApartM,
+    pub(crate) learned: &'a mut Seeds,
+}
+
+impl PairMemory<'_> {
+    /// Where to begin with an element.
+    pub(crate) fn start<const N: usize>(&self, element: usize, rect: &Rect<N>) -> Option<Start<N>> {
+        let seed = self.known.iter().find(|s| usize::from(s.element) == element)?;
+        Some(Start {
+            z: core::array::from_fn(|i| seed.z[i]),
+            proof: seed.proof.map(|p| p.after(self.moved, rect)),
+        })
+    }
+
+    pub(crate) fn is_known(&self, element: usize) -> bool {
+        self.known.iter().any(|s| usize::from(s.element) == element)
+    }
+
+    /// Remembers where an element is deepest. Without room it will be sought anew.
+    pub(crate) fn learn<const N: usize>(
+        &mut self,
+        element: usize,
+        z: &[f64; N],
+        proof: Option<KeptProof>,
+    ) {
+        let _ = self.learned.try_push(Seed { proof, ..Seed::new(self.pair, element, z) });
+    }
+
+    /// Whether no cell of the pair can touch.
+    pub(crate) fn cells_apart(&self) -> bool {
+        self.apart_m[..CELLS].iter().all(|a| *a > 0.0)
+    }
+
+    /// Hands on what is known of the pair where nothing needs to be looked at now.
+    pub(crate) fn carry_all(&mut self) {
+        for i in 0..self.known.len() {
+            let element = usize::from(self.known[i].element);
+            if self.apart_m[element] < FAR_M {
+                self.carry(element);
+            }
+        }
+    }
+
+    /// Hands on what is known of an element that need not be looked at now.
+    pub(crate) fn carry(&mut self, element: usize) {
+        if let Some(seed) = self.known.iter().find(|s| usize::from(s.element) == element) {
+            let proof = seed.proof.map(|p| p.raised(self.moved));
+            let _ = self.learned.try_push(Seed { proof, ..*seed });
+        }
+    }
 }

@@ -5,13 +5,13 @@ use docktwin_model::{ContactLaw, DockingMechanism, NormalLaw, SideGeometry};
 
 use super::{
     cells::{
-        CELLS, EIGHTHS, Elastic, Load, OnPetal, PetalMemory, RingPair, RingTable, cell_rect,
-        petal_load, petals_neighbour, single_load,
+        EIGHTHS, ELEMENTS, Elastic, Load, OnPetal, RingPair, RingTable, petal_load,
+        petals_neighbour, single_load,
     },
     contacts::Contacts,
     geometry::{Circle, Sheet, off_axis},
     law,
-    memory::ContactState,
+    memory::{ContactState, PairMemory},
     search::{Lift, OnCircle, OnSheet, Start, Stiffness, deepest, follow},
 };
 
@@ -208,55 +208,71 @@ impl Scene {
     /// Measures all pairs. `x_wr` and `x_wp` are the world poses of the ring frames `r3` and `r4`.
     #[must_use]
     pub fn measure(&self, state: &ContactState, x_wr: Pose, x_wp: Pose) -> Contacts {
-        let x_rp = x_wr.inverse() * x_wp;
+        let mut out = Contacts::new(&self.law, x_wr, x_wr.inverse() * x_wp);
+        self.measure_into(state, &mut out);
+        out
+    }
+
+    /// Measures all pairs at the poses of `out`, which is new.
+    pub(crate) fn measure_into(&self, state: &ContactState, out: &mut Contacts) {
+        let x_rp = out.x_rp;
         let moved = state.moved(x_rp, self.reach);
-        let mut out = Contacts::new(&self.law, x_wr, x_rp);
+        let mut load = Load::new();
         let x = Frame::of(x_rp);
         let back = x.inverse();
-        for pair in &self.pairs {
+        for (slot, pair) in self.pairs.iter().enumerate() {
             let number = pair.index();
-            let mut apart = state.still_apart(number, moved);
-            if apart.iter().all(|a| *a > 0.0) {
-                out.set_apart(number, &apart);
+            let mut memory = PairMemory {
+                pair: u8::try_from(number).unwrap_or(u8::MAX),
+                known: state.seeds_of(number),
+                moved,
+                apart_m: state.still_apart(slot, moved),
+                learned: &mut out.seeds,
+            };
+            if memory.cells_apart() {
+                memory.carry_all();
+                let apart_m = memory.apart_m;
+                out.push_apart(&apart_m);
                 continue;
             }
-            let look = |first: Frame, sign: f64| Look { state, moved, pair: number, first, sign };
+            let look = |first: Frame, sign: f64| Look { state, pair: number, first, sign };
+            load.clear();
             match *pair {
                 SurfacePair::RingRing => {
-                    let load = self.ring_ring(&back, &mut apart);
-                    out.add(&load, &look(Frame::IDENTITY, 1.0), eighths_neighbour);
+                    self.ring_ring(&back, &mut memory, &mut load);
+                    let apart_m = memory.apart_m;
+                    out.add(&load, &look(Frame::IDENTITY, 1.0), &apart_m, eighths_neighbour);
                 }
                 SurfacePair::PetalRing(i) => {
                     let turn = self.active.turn(i);
                     let look = look(turn, 1.0);
-                    let load = self.petal_ring(true, &(back * turn), &look, &mut apart);
-                    out.add(&load, &look, petals_neighbour);
+                    self.petal_ring(true, &(back * turn), &look, &mut memory, &mut load);
+                    let apart_m = memory.apart_m;
+                    out.add(&load, &look, &apart_m, petals_neighbour);
                 }
                 SurfacePair::RingPetal(j) => {
                     let first = x * self.passive.turn(j);
                     let look = look(first, -1.0);
-                    let load = self.petal_ring(false, &first, &look, &mut apart);
-                    out.add(&load, &look, petals_neighbour);
+                    self.petal_ring(false, &first, &look, &mut memory, &mut load);
+                    let apart_m = memory.apart_m;
+                    out.add(&load, &look, &apart_m, petals_neighbour);
                 }
                 SurfacePair::PetalPetal(i, j) => {
                     let turn = self.active.turn(i);
                     let look = look(turn, 1.0);
                     let x_ab = turn.inverse() * x * self.passive.turn(j);
-                    let load = self.petal_petal(&x_ab, &look, &mut apart);
-                    out.add(&load, &look, petals_neighbour);
+                    self.petal_petal(&x_ab, &look, &mut memory, &mut load);
+                    let apart_m = memory.apart_m;
+                    out.add(&load, &look, &apart_m, petals_neighbour);
                 }
             }
-            out.set_apart(number, &apart);
         }
-        out
     }
 }
 
 /// The pair at hand, and what is remembered of it.
 pub(crate) struct Look<'a> {
     pub(crate) state: &'a ContactState,
-    /// How far anything has moved since, m.
-    moved: f64,
     pub(crate) pair: usize,
     /// Frame of the pair's first surface in the active ring's.
     pub(crate) first: Frame,
@@ -265,30 +281,12 @@ pub(crate) struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn memory<P: OnPetal<N>, const N: usize>(
-        &self,
-        pairing: &P,
-        apart_m: &[f64; CELLS],
-    ) -> PetalMemory<N> {
-        let mut starts = [None; CELLS];
-        for t in self.state.of_pair(self.pair) {
-            let cell = usize::from(t.cell);
-            if let Some(start) = starts.get_mut(cell) {
-                let z = core::array::from_fn(|i| t.z[i]);
-                let proof = t.proof.map(|p| p.after(self.moved, &cell_rect(pairing, cell)));
-                *start = Some(Start { z, proof });
-            }
-        }
-        PetalMemory { starts, apart_m: *apart_m }
-    }
-
-    /// The deepest place of the step before, with its normal in the first surface's frame and its depth, where the cores are
-    /// about to meet or have met.
-    fn meeting<const N: usize>(&self, sum: f64) -> Option<(usize, [f64; N], (DVec3, f64))> {
+    /// The deepest cell of the step before, with the normal in the first surface's frame and the depth, where
+    /// the cores are about to meet or have met.
+    fn meeting(&self, sum: f64) -> Option<(usize, DVec3, f64)> {
         let t = self.state.of_pair(self.pair).max_by(|a, b| a.depth.total_cmp(&b.depth))?;
         (t.depth > sum - ABOUT_TO_MEET_M).then(|| {
-            let normal = self.first.r.transpose() * t.normal * self.sign;
-            (usize::from(t.cell), core::array::from_fn(|i| t.z[i]), (normal, t.depth))
+            (usize::from(t.cell), self.first.r.transpose() * t.normal * self.sign, t.depth)
         })
     }
 }
@@ -321,11 +319,9 @@ impl Scene {
         }
     }
 
-    fn ring_ring(&self, back: &Frame, apart_m: &mut [f64; CELLS]) -> Load {
-        self.rings(back).load(&self.elastic()).unwrap_or_else(|apart| {
-            *apart_m = [apart; CELLS];
-            Load::NONE
-        })
+    fn ring_ring(&self, back: &Frame, memory: &mut PairMemory<'_>, out: &mut Load) {
+        let apart = self.rings(back).load(&self.elastic(), out).err().unwrap_or(0.0);
+        memory.apart_m = [apart; ELEMENTS];
     }
 
     /// The rings, `back` being the active one's frame in the passive one's.
@@ -358,24 +354,23 @@ impl Scene {
         active: bool,
         x_cf: &Frame,
         look: &Look<'_>,
-        apart_m: &mut [f64; CELLS],
-    ) -> Load {
-        let Some(pairing) = self.on_circle(active, x_cf) else { return Load::NONE };
+        memory: &mut PairMemory<'_>,
+        out: &mut Load,
+    ) {
+        let Some(pairing) = self.on_circle(active, x_cf) else { return };
         let own = if active { &self.active } else { &self.passive };
-        let Some(petals) = &own.petals else { return Load::NONE };
+        let Some(petals) = &own.petals else { return };
         let centre = x_cf.point(petals.centre);
         let away = centre.x.hypot(off_axis(centre) - pairing.circle.radius);
         let sum = pairing.sheet.ball + pairing.circle.ball;
         let gap = away - petals.reach - sum;
         if gap > 0.0 {
-            *apart_m = [gap; CELLS];
-            return Load::NONE;
+            memory.apart_m = [gap; ELEMENTS];
+            return;
         }
-        if let Some(load) = self.beyond(&pairing, look, sum) {
-            *apart_m = [0.0; CELLS];
-            return load;
+        if !self.beyond(&pairing, look, memory, out) {
+            self.petal(&pairing, memory, out);
         }
-        self.petal(&pairing, look, apart_m)
     }
 
     fn on_sheet<'a>(&'a self, (a, b): (&'a Petals, &'a Petals), x_ab: &Frame) -> OnSheet<'a> {
@@ -389,55 +384,65 @@ impl Scene {
         }
     }
 
-    fn petal_petal(&self, x_ab: &Frame, look: &Look<'_>, apart_m: &mut [f64; CELLS]) -> Load {
+    fn petal_petal(
+        &self,
+        x_ab: &Frame,
+        look: &Look<'_>,
+        memory: &mut PairMemory<'_>,
+        out: &mut Load,
+    ) {
         let (Some(a), Some(b)) = (&self.active.petals, &self.passive.petals) else {
-            return Load::NONE;
+            return;
         };
         let sum = a.sheet.ball + b.sheet.ball;
         let gap = (x_ab.point(b.centre) - a.centre).length() - a.reach - b.reach - sum;
         if gap > 0.0 {
-            *apart_m = [gap; CELLS];
-            return Load::NONE;
+            memory.apart_m = [gap; ELEMENTS];
+            return;
         }
         let pairing = self.on_sheet((a, b), x_ab);
-        if let Some(load) = self.beyond(&pairing, look, sum) {
-            *apart_m = [0.0; CELLS];
-            return load;
+        if !self.beyond(&pairing, look, memory, out) {
+            self.petal(&pairing, memory, out);
         }
-        self.petal(&pairing, look, apart_m)
     }
 
-    /// The one place followed where the cores meet or have met; `None` while they are still apart.
+    /// The one place followed where the cores meet or have met; false while they are still apart.
     fn beyond<P: OnPetal<N> + Lift<N>, const N: usize>(
         &self,
         pairing: &P,
         look: &Look<'_>,
-        sum: f64,
-    ) -> Option<Load> {
-        let (cell, z, about) = look.meeting::<N>(sum)?;
-        let place = follow(pairing, &pairing.over([-1.0, 1.0], [0.0, 1.0]), &z, about);
-        (place.depth > sum - MEETING_M).then(|| single_load(pairing, &self.elastic(), cell, place))
+        memory: &mut PairMemory<'_>,
+        out: &mut Load,
+    ) -> bool {
+        let Some((cell, normal, depth)) = look.meeting(pairing.sum()) else { return false };
+        let whole = pairing.over([-1.0, 1.0], [0.0, 1.0]);
+        let Some(start) = memory.start(cell, &whole) else { return false };
+        let place = follow(pairing, &whole, &start.z, (normal, depth));
+        if place.depth <= pairing.sum() - MEETING_M {
+            return false;
+        }
+        memory.apart_m = [0.0; ELEMENTS];
+        memory.learn(cell, &place.z, None);
+        single_load(pairing, &self.elastic(), cell, place, out);
+        true
     }
 
     fn petal<P: OnPetal<N>, const N: usize>(
         &self,
         pairing: &P,
-        look: &Look<'_>,
-        apart_m: &mut [f64; CELLS],
-    ) -> Load {
-        let mut memory = look.memory(pairing, apart_m);
-        if memory.starts.iter().all(Option::is_none) {
+        memory: &mut PairMemory<'_>,
+        out: &mut Load,
+    ) {
+        if memory.known.is_empty() {
             // The petal as a whole, before its cells.
             let rect = pairing.over([-1.0, 1.0], [0.0, 1.0]);
             let found = deepest(pairing, &rect, 0.0, &Start::at(rect.middle()));
             if found.place.effective <= 0.0 {
-                *apart_m = [-found.at_most; CELLS];
-                return Load::NONE;
+                memory.apart_m = [-found.at_most; ELEMENTS];
+                return;
             }
-            memory.apart_m = [0.0; CELLS];
+            memory.apart_m = [0.0; ELEMENTS];
         }
-        let load = petal_load(pairing, &self.elastic(), &mut memory);
-        *apart_m = memory.apart_m;
-        load
+        petal_load(pairing, &self.elastic(), memory, out);
     }
 }

@@ -20,15 +20,15 @@ mod petal;
 mod ring;
 
 pub(crate) use petal::{
-    CELLS, Memory as PetalMemory, OnPetal, are_neighbours as petals_neighbour, cell_rect,
-    load as petal_load, single_load,
+    CELLS, ELEMENTS, OnPetal, are_neighbours as petals_neighbour, load as petal_load, single_load,
 };
 pub(crate) use ring::{EIGHTHS, RingPair, RingTable};
 
+use arrayvec::ArrayVec;
 use docktwin_core::DVec3;
 use docktwin_model::NormalLaw;
 
-use super::{law, search::KeptProof};
+use super::law;
 
 /// Most cells of a pair that carry friction: those of a petal, or eighths of a ring.
 pub(crate) const MOST_TOUCHES: usize = 8;
@@ -54,10 +54,6 @@ impl Elastic {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touch {
     pub(crate) cell: u8,
-    /// Parameters of the deepest place, the start of the next search.
-    pub(crate) z: [f64; 4],
-    /// What was proven of the cell.
-    pub(crate) proof: Option<KeptProof>,
     /// Depth, m.
     pub(crate) depth: f64,
     /// Elastic force on the second surface, its share of borders and corners included, N.
@@ -79,8 +75,6 @@ pub(crate) struct Touch {
 impl Touch {
     pub(crate) const NONE: Self = Self {
         cell: 0,
-        z: [0.0; 4],
-        proof: None,
         depth: 0.0,
         elastic: DVec3::ZERO,
         rubbing_n: 0.0,
@@ -93,24 +87,25 @@ impl Touch {
 }
 
 /// What a pair stores and how it pushes, in the frame of its first surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct Load {
     pub(crate) energy_j: f64,
     /// Elastic force on the second surface, N, and moment about the frame's origin, N·m.
     pub(crate) force: DVec3,
     pub(crate) moment: DVec3,
-    pub(crate) touches: [Touch; MOST_TOUCHES],
-    pub(crate) len: usize,
+    pub(crate) touches: ArrayVec<Touch, MOST_TOUCHES>,
 }
 
 impl Load {
-    pub(crate) const NONE: Self = Self {
-        energy_j: 0.0,
-        force: DVec3::ZERO,
-        moment: DVec3::ZERO,
-        touches: [Touch::NONE; MOST_TOUCHES],
-        len: 0,
-    };
+    pub(crate) fn new() -> Self {
+        Self { energy_j: 0.0, force: DVec3::ZERO, moment: DVec3::ZERO, touches: ArrayVec::new() }
+    }
+
+    /// Empties it. It is used over and over: copies of it cost more than what it holds.
+    pub(crate) fn clear(&mut self) {
+        (self.energy_j, self.force, self.moment) = (0.0, DVec3::ZERO, DVec3::ZERO);
+        self.touches.clear();
+    }
 
     fn push(&mut self, point: DVec3, force: DVec3) {
         self.force += force;
@@ -119,15 +114,15 @@ impl Load {
 
     /// Deepest place, m.
     pub(crate) fn depth(&self) -> f64 {
-        self.touches[..self.len].iter().map(|t| t.depth).fold(0.0, f64::max)
+        self.touches.iter().map(|t| t.depth).fold(0.0, f64::max)
     }
 
     /// Scales what rubs so that together it is the net normal force: saddles do not rub, and what they
     /// take back does not either.
     fn level_rubbing(&mut self, net_n: f64) {
-        let all: f64 = self.touches[..self.len].iter().map(|t| t.rubbing_n).sum();
+        let all: f64 = self.touches.iter().map(|t| t.rubbing_n).sum();
         let scale = if all > 0.0 { (net_n / all).clamp(0.0, 1.0) } else { 0.0 };
-        for t in &mut self.touches[..self.len] {
+        for t in &mut self.touches {
             t.rubbing_n *= scale;
             t.share *= scale;
         }

@@ -248,14 +248,15 @@ struct Depths {
 
 impl RingPair<'_> {
     /// Energy and forces, or how far the rings are apart, m.
-    pub(crate) fn load(&self, elastic: &Elastic) -> Result<Load, f64> {
+    pub(crate) fn load(&self, elastic: &Elastic, out: &mut Load) -> Result<(), f64> {
         let nodes = self.borders()?;
         let depths = self.depths(&nodes);
         let top = depths.arcs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if top <= 0.0 {
             return Err(-top);
         }
-        Ok(self.forces(elastic, &depths))
+        self.forces(elastic, &depths, out);
+        Ok(())
     }
 
     /// Depth of the deepest point of all, m.
@@ -305,10 +306,9 @@ impl RingPair<'_> {
         out
     }
 
-    fn forces(&self, elastic: &Elastic, d: &Depths) -> Load {
+    fn forces(&self, elastic: &Elastic, d: &Depths, out: &mut Load) {
         let (closed, weigh) = lowest(&d.nodes, self.width);
         let around = elastic.force(closed);
-        let mut out = Load::NONE;
         out.energy_j = elastic.energy(closed);
         let mut node = [0.0; ARCS];
         let mut rubbing = [0.0; ARCS];
@@ -341,10 +341,9 @@ impl RingPair<'_> {
                 elastic_n += n * push.force_n;
             }
             let rubs = || arcs.clone().map(|i| (i, rubbing[i].max(0.0)));
-            self.touch(&mut out, d, eighth, rubs, elastic_n);
+            self.touch(out, d, eighth, rubs, elastic_n);
         }
         out.level_rubbing(net);
-        out
     }
 
     /// One eighth of the ring as a place with a bristle, where any of its arcs rubs.
@@ -365,7 +364,6 @@ impl RingPair<'_> {
         let best = rubs().fold(first, |b, (i, _)| if d.arcs[i] > d.arcs[b] { i } else { b });
         let mut t = Touch {
             cell: u8::try_from(eighth).unwrap_or(u8::MAX),
-            z: [d.deepest[best].azimuth, 0.0, 0.0, 0.0],
             depth: rubs().map(|(i, _)| d.deepest[i].depth).fold(0.0, f64::max),
             elastic,
             rubbing_n: total,
@@ -388,8 +386,7 @@ impl RingPair<'_> {
         }
         t.couple = torque - t.point.cross(t.dir);
         t.spread_m = (squares - t.point.length_squared()).max(0.0).sqrt();
-        out.touches[out.len] = t;
-        out.len += 1;
+        out.touches.push(t);
     }
 
     /// Azimuths that make an arc's depth, with their weights.

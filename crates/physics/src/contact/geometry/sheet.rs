@@ -208,20 +208,29 @@ impl Patch {
     }
 
     /// As [`Patch::tops`], of `m.x·x + m.y·ρ` with ρ the distance from the X axis of another frame,
-    /// into which (r, p) takes the sheet's; m is a unit vector, m.y ≥ 0. Convex along every ruling.
-    pub(crate) fn tops_about(&self, sheet: &Sheet, r: &DMat3, p: DVec3, m: DVec2) -> [f64; 2] {
+    /// into which (r, p) takes the sheet's; m is a unit vector, m.y ≥ 0. Convex along every ruling. A bound
+    /// below `enough` is not made tighter.
+    pub(crate) fn tops_about(
+        &self,
+        sheet: &Sheet,
+        (r, p): (&DMat3, DVec3),
+        m: DVec2,
+        enough: [f64; 2],
+    ) -> [f64; 2] {
         let h = self.u[1] - self.u[0];
         let ends = self.ends.map(|e| e.map(|x| *r * x + p));
-        self.s.map(|s| {
+        core::array::from_fn(|i| {
+            let s = self.s[i];
             let g = ends.map(|[b, t]| {
                 let x = b + (t - b) * s;
                 m.x * x.x + m.y * off_axis(x)
             });
-            let mut k = sheet.base.size(2) * (1.0 - s) + sheet.tip.size(2) * s;
-            if (g[1] - g[0]).abs() < 0.5 * k * h * h {
-                k = k.min(self.fall_about(sheet, (r, p), m, s));
+            let k = sheet.base.size(2) * (1.0 - s) + sheet.tip.size(2) * s;
+            let top = chord(g[0], g[1], k * h * h);
+            if (g[1] - g[0]).abs() >= 0.5 * k * h * h || top <= enough[i] {
+                return top;
             }
-            chord(g[0], g[1], k * h * h)
+            chord(g[0], g[1], k.min(self.fall_about(sheet, (r, p), m, s)) * h * h)
         })
     }
 
@@ -421,7 +430,10 @@ mod tests {
             );
             let n = DVec3::new((2.1 * t).sin(), (3.3 * t).cos(), (1.7 * t).sin()).normalize();
             let m = DVec2::new((0.9 * t).cos(), (0.9 * t).sin().abs());
-            let (flat, about) = (patch.tops(&sheet, n), patch.tops_about(&sheet, &turn, p, m));
+            let (flat, about) = (
+                patch.tops(&sheet, n),
+                patch.tops_about(&sheet, (&turn, p), m, [f64::NEG_INFINITY; 2]),
+            );
             let mut most = [[f64::NEG_INFINITY; 2]; 2];
             for i in 0..=20 {
                 let u = patch.u[0] + (patch.u[1] - patch.u[0]) * f64::from(i) / 20.0;

@@ -23,10 +23,11 @@ mod proof;
 
 pub(crate) use on_circle::OnCircle;
 pub(crate) use on_sheet::OnSheet;
-pub(crate) use proof::{KeptProof, Proof, Start, deepest};
+pub(crate) use proof::{KeptProof, Start, deepest};
 
 use docktwin_core::DVec3;
 use newton::{Jet, minimise};
+use proof::AMPLE_M;
 
 /// A rectangle of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]

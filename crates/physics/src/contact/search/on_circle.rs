@@ -7,7 +7,7 @@ use docktwin_core::{DMat3, DVec3};
 use glam::DVec2;
 
 use super::{
-    Lift, NO_GAP, Pairing, Place, Rect, Stiffness,
+    AMPLE_M, Lift, NO_GAP, Pairing, Place, Rect, Stiffness,
     newton::{Jet, is_positive},
 };
 use crate::contact::{
@@ -170,25 +170,28 @@ impl Pairing<2> for OnCircle<'_> {
 
     fn excess(&self, part: &Patch, aim: &Aim, best: &Place<2, Aim>, target: f64) -> f64 {
         let Aim { n, e } = *aim;
+        let room = self.sum() - n.y * self.circle.radius;
+        let w = &best.softening;
+        // The depth in metres that makes the target at either end of the rulings.
+        let deep = part.s.map(|s| {
+            if target <= 0.0 {
+                target
+            } else if self.stiffness.is_convex() {
+                target * (w.inverse + w.slope[0] * (s - best.z[1]))
+            } else {
+                target * self.stiffness.softening(part.s[0], 0.0).inverse
+            }
+        });
         // A circle outside is parted by a cone about its axis, one inside by a plane.
         let tops = if n.y > 0.0 {
-            part.tops_about(self.sheet, &self.r, self.p, n)
+            let enough = deep.map(|d| d - room - AMPLE_M);
+            part.tops_about(self.sheet, (&self.r, self.p), n, enough)
         } else {
             let n = DVec3::new(n.x, n.y * e.x, n.y * e.y);
             let shift = n.dot(self.p);
             part.tops(self.sheet, self.r.transpose() * n).map(|t| t + shift)
         };
-        let room = self.sum() - n.y * self.circle.radius;
-        if target <= 0.0 {
-            return room + tops[0].max(tops[1]) - target;
-        }
-        let w = &best.softening;
-        if !self.stiffness.is_convex() {
-            let least = self.stiffness.softening(part.s[0], 0.0).inverse;
-            return room + tops[0].max(tops[1]) - target * least;
-        }
-        let over = |i: usize| tops[i] - target * w.slope[0] * (part.s[i] - best.z[1]);
-        room + over(0).max(over(1)) - target * w.inverse
+        room + (tops[0] - deep[0]).max(tops[1] - deep[1])
     }
 
     fn is_alone(&self, rect: &Rect<2>, place: &Place<2, Aim>) -> bool {

@@ -1,5 +1,7 @@
 //! Branch and bound: polish a place, prove that the rest is no deeper.
 
+use arrayvec::ArrayVec;
+
 use super::{Pairing, Place, Rect, newton::minimise};
 
 /// Two places of one part whose depths differ by less than this are as deep, m.
@@ -7,7 +9,7 @@ const EQUAL_M: f64 = 1e-9;
 /// How far below the floor a part that stays apart is pinned down, of its distance from it.
 const ROOM: f64 = 0.3;
 /// A proof with this much to spare is good enough, m.
-const AMPLE_M: f64 = 5e-4;
+pub(super) const AMPLE_M: f64 = 5e-4;
 /// Parts looked at before a search gives up. Reached only where the cores meet.
 const MOST_PARTS: u32 = 4000;
 /// Parts worked off after all is proven, to have something to spare.
@@ -60,6 +62,11 @@ impl KeptProof {
         out
     }
 
+    /// The same once the surfaces have moved by up to `moved`, m.
+    pub(crate) fn raised(&self, moved: f64) -> Self {
+        Self { rest: self.rest + moved, ..*self }
+    }
+
     /// The proof once the surfaces have moved by up to `moved`, m, for a cell `rect`.
     pub(crate) fn after<const N: usize>(&self, moved: f64, rect: &Rect<N>) -> Proof<N> {
         let basin = Rect {
@@ -103,10 +110,10 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
     start: &Start<N>,
 ) -> Found<N, P::Aim> {
     let place = polish(pairing, rect, &start.z);
-    if let Some(proof) = start.proof
+    let known =
+        start.proof.filter(|p| p.basin.contains(&place.z) && pairing.is_alone(&p.basin, &place));
+    if let Some(proof) = known
         && proof.rest <= place.effective
-        && proof.basin.contains(&place.z)
-        && pairing.is_alone(&proof.basin, &place)
     {
         return Found { place, at_most: place.effective, proof: Some(proof) };
     }
@@ -123,11 +130,14 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
         best: place,
         target,
         basins: [None; MOST_BASINS],
-        open: [const { None }; MOST_OPEN],
+        open: ArrayVec::new(),
         given_up: f64::NEG_INFINITY,
         parts: 0,
     };
-    search.keep_basin(&place);
+    match known {
+        Some(proof) => search.basins[0] = Some(proof.basin),
+        None => search.keep_basin(&place),
+    }
     let rest = search.run();
     let basin = search.basins[0].filter(|_| search.best.effective > floor);
     Found {
@@ -170,7 +180,7 @@ struct Search<'a, P: Pairing<N>, const N: usize> {
     target: f64,
     /// Neighbourhoods of places: that of the best, then of others.
     basins: [Option<Rect<N>>; MOST_BASINS],
-    open: [Option<Open<P::Part, P::Aim>>; MOST_OPEN],
+    open: ArrayVec<Open<P::Part, P::Aim>, MOST_OPEN>,
     /// Largest excess of parts that found no room, and of places in other neighbourhoods, m.
     given_up: f64,
     parts: u32,
@@ -184,7 +194,7 @@ impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
         self.restart();
         let mut proven_at = None;
         while let Some(i) = self.worst() {
-            let most = self.open[i].as_ref().map_or(f64::NEG_INFINITY, |o| o.excess);
+            let most = self.open[i].excess;
             if most <= 0.0 {
                 let at = *proven_at.get_or_insert(self.parts);
                 if self.best.effective <= self.floor
@@ -205,40 +215,35 @@ impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
                 self.restart();
             }
         }
-        let most = self.open.iter().flatten().map(|o| o.excess).fold(self.given_up, f64::max);
+        let most = self.open.iter().map(|o| o.excess).fold(self.given_up, f64::max);
         // An excess is a depth; as an effective depth it is less by the gain, of which the least counts.
         self.target + most * if most < 0.0 { self.pairing.least_gain() } else { 1.0 }
     }
 
     /// Begins anew with the whole rectangle, for another target.
     fn restart(&mut self) {
-        self.open = [const { None }; MOST_OPEN];
+        self.open.clear();
         self.given_up = f64::NEG_INFINITY;
         let part = self.pairing.part(&self.rect);
         let aim = self.best.aim;
         let excess = self.pairing.excess(&part, &aim, &self.best, self.target);
-        self.open[0] = Some(Open { part, excess, aim, tried: false });
+        self.push(Open { part, excess, aim, tried: false });
     }
 
     fn worst(&self) -> Option<usize> {
         let waiting = self.open.iter().enumerate();
-        waiting
-            .filter_map(|(i, o)| o.as_ref().map(|o| (i, o.excess)))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(i, _)| i)
+        waiting.max_by(|a, b| a.1.excess.total_cmp(&b.1.excess)).map(|(i, _)| i)
     }
 
     fn push(&mut self, open: Open<P::Part, P::Aim>) {
-        if let Some(free) = self.open.iter_mut().find(|o| o.is_none()) {
-            *free = Some(open);
-            return;
+        if let Err(full) = self.open.try_push(open) {
+            self.given_up = self.given_up.max(full.element().excess);
         }
-        self.given_up = self.given_up.max(open.excess);
     }
 
     /// Tries the part's own directions, or cuts it.
     fn work_off(&mut self, i: usize) {
-        let Some(mut open) = self.open[i].take() else { return };
+        let mut open = self.open.swap_remove(i);
         let rect = P::rect(&open.part);
         if self.basins.iter().flatten().any(|b| b.holds(&rect)) {
             return;
