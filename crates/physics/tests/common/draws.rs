@@ -2,10 +2,7 @@
 #![allow(dead_code, unreachable_pub, reason = "every test file uses its own part")]
 
 use docktwin_core::{DQuat, DVec3, Euler, Pose};
-use docktwin_physics::{
-    contact::{ContactState, Scene},
-    initial::ContactConditions,
-};
+use docktwin_physics::{contact::Scene, initial::ContactConditions};
 
 /// Half-width of what is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -107,10 +104,10 @@ pub fn touching(scene: &Scene, mut x: Pose, depth: f64) -> Option<Pose> {
 pub fn in_contact(scene: &Scene, draws: &mut Draws, r: &Region) -> Pose {
     loop {
         let (x, depth) = (draws.pose(r), 5e-3 * draws.unit());
-        if let Some(x) = touching(scene, x, depth) {
-            if !scene.measure(&ContactState::default(), Pose::IDENTITY, x).is_empty() {
-                return x;
-            }
+        if let Some(x) = touching(scene, x, depth)
+            && scene.touches(x)
+        {
+            return x;
         }
     }
 }

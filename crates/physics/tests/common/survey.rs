@@ -39,7 +39,7 @@ impl Tally {
     fn add(&mut self, figure: f64, bound: f64) -> bool {
         self.looked_at += 1;
         self.worst = if figure.is_nan() { f64::NAN } else { self.worst.max(figure) };
-        let out = !(figure <= bound);
+        let out = figure.is_nan() || figure > bound;
         self.out_of_bounds += u64::from(out);
         out
     }
@@ -214,10 +214,10 @@ pub fn dockings(m: &DockingMechanism, region: &Region, count: u64, first: u64) -
     let mut tally = Tally::new("energy account of a docking", region);
     for k in first..first + count {
         let c = Draws::new(0xD0C0 + k).conditions(region);
-        if let Some(error) = account(&system, common::start(&system, &c, 2e-3)) {
-            if tally.add(error, 1e-3) {
-                println!("  draw {k}: off by {error:e} with {c:?}");
-            }
+        if let Some(error) = account(&system, common::start(&system, &c, 2e-3))
+            && tally.add(error, 1e-3)
+        {
+            println!("  draw {k}: off by {error:e} with {c:?}");
         }
     }
     tally

@@ -1,5 +1,7 @@
 //! Minimum of a smooth function on a box, from a start nearby.
 
+#![expect(clippy::needless_range_loop, reason = "vectors and matrices by their indices")]
+
 /// A value with gradient and matrix of second derivatives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Jet<const N: usize> {

@@ -1,5 +1,7 @@
 //! A petal against a petal: a rectangle of one sheet against the whole of another.
 
+#![expect(clippy::needless_range_loop, reason = "vectors and matrices by their indices")]
+
 use docktwin_core::{DMat3, DVec3};
 
 use super::{

@@ -1,5 +1,7 @@
 //! Branch and bound: polish a place, prove that the rest is no deeper.
 
+#![expect(clippy::needless_range_loop, reason = "vectors and matrices by their indices")]
+
 use arrayvec::ArrayVec;
 
 use super::{Pairing, Place, Rect, newton::minimise};
