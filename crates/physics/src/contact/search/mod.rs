@@ -242,3 +242,128 @@ pub(crate) fn follow<P: Lift<N>, const N: usize>(
         (z, normal) = (next, there);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use docktwin_core::{DMat3, DQuat};
+    use docktwin_model::PetalGeometry;
+
+    use super::*;
+    use crate::contact::{
+        cells::OnPetal,
+        geometry::{Circle, Sheet},
+    };
+
+    struct Draws(u64);
+
+    impl Draws {
+        fn within(&mut self, half: f64) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let bits = u32::try_from(self.0 >> 33).expect("31 bits");
+            half * (2.0 * f64::from(bits) / f64::from(1u32 << 31) - 1.0)
+        }
+
+        fn pose(&mut self) -> (DMat3, DVec3) {
+            let turn = [self.within(1.0), self.within(0.7), self.within(0.7)];
+            let q = DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0);
+            let tilt = DQuat::from_scaled_axis(DVec3::from_array(turn));
+            let p = DVec3::new(0.15 + self.within(0.2), self.within(0.3), self.within(0.3));
+            (DMat3::from_quat(tilt * q), p)
+        }
+
+        fn part<const N: usize>(&mut self, whole: &Rect<N>) -> Rect<N> {
+            let share = 0.5f64.powi(3 + i32::from(self.within(1.0) > 0.0) * 2);
+            let middle: [f64; N] = self.of(whole);
+            let reach = |i: usize| share * (whole.hi[i] - whole.lo[i]);
+            Rect {
+                lo: core::array::from_fn(|i| (middle[i] - reach(i)).max(whole.lo[i])),
+                hi: core::array::from_fn(|i| (middle[i] + reach(i)).min(whole.hi[i])),
+            }
+        }
+
+        fn of<const N: usize>(&mut self, r: &Rect<N>) -> [f64; N] {
+            core::array::from_fn(|i| {
+                0.5 * (r.lo[i] + r.hi[i]) + self.within(0.5 * (r.hi[i] - r.lo[i]))
+            })
+        }
+    }
+
+    fn petal() -> Sheet {
+        Sheet::new(&PetalGeometry {
+            count: 3,
+            first_azimuth_rad: 0.0,
+            base_radius_m: 0.597,
+            tip_radius_m: 0.410,
+            height_m: 0.187,
+            base_half_angle_rad: 28f64.to_radians(),
+            tip_half_angle_rad: 14f64.to_radians(),
+            thickness_m: 0.02,
+            strips: 6,
+            flexural_rigidity_n_m2: 1.6e4,
+        })
+    }
+
+    /// What a separating direction or a curvature proves holds at every point looked at. Returns how often
+    /// either proved something.
+    fn proofs_hold<P: OnPetal<N>, const N: usize>(pairing: &P, draws: &mut Draws) -> [u32; 2] {
+        let whole = pairing.over([-1.0, 1.0], [0.0, 1.0]);
+        let rect = draws.part(&whole);
+        let start = draws.of(&rect);
+        let (z, _) = minimise(start, &rect.lo, &rect.hi, |z| pairing.eval(z));
+        let place = pairing.place(z);
+        let mut found = [0; 2];
+        // Of a neighbourhood around the place.
+        let mut size = 0.3;
+        while size > 1e-3 {
+            let scales = pairing.scales();
+            let around = Rect {
+                lo: core::array::from_fn(|i| (z[i] - size / scales[i]).max(rect.lo[i])),
+                hi: core::array::from_fn(|i| (z[i] + size / scales[i]).min(rect.hi[i])),
+            };
+            if pairing.is_alone(&around, &place) {
+                found[0] = 1;
+                for _ in 0..200 {
+                    let there = pairing.place(draws.of(&around));
+                    let over = there.effective - place.effective;
+                    assert!(over < 1e-12, "{over} m at {:?} around {z:?}", there.z);
+                }
+                break;
+            }
+            size *= 0.5;
+        }
+        // Of any part against any target.
+        let other = draws.part(&whole);
+        let part = pairing.part(&other);
+        let (_, effective, aim) = pairing.near(&part, &other.middle());
+        let target = effective + 0.01 * (1.0 + draws.within(1.0));
+        if pairing.excess(&part, &aim, &place, target) <= 0.0 {
+            found[1] = 1;
+            for _ in 0..200 {
+                let there = pairing.place(draws.of(&other));
+                let over = there.effective - target;
+                assert!(over < 1e-12, "{over} m at {:?} in {other:?}", there.z);
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn invariant_what_is_proven_holds() {
+        let sheet = petal();
+        let circle = Circle { radius: 0.6, ball: 0.025 };
+        let mut draws = Draws(7);
+        let mut found = [[0; 2]; 2];
+        for _ in 0..3000 {
+            let (r, p) = draws.pose();
+            let soft = |b: f64| Stiffness { a: 0.4, b, power: 0.5 };
+            let ring = OnCircle { sheet: &sheet, circle, r, p, stiffness: soft(0.0), lift: 0.0 };
+            let petals = OnSheet { a: &sheet, b: &sheet, r, p, stiffness: soft(0.4), lift: 0.0 };
+            let both = [proofs_hold(&ring, &mut draws), proofs_hold(&petals, &mut draws)];
+            for (all, one) in found.iter_mut().zip(both) {
+                all.iter_mut().zip(one).for_each(|(a, o)| *a += o);
+            }
+        }
+        println!("proofs by curvature and by separation, of 3000: {found:?}");
+        assert!(found.iter().flatten().all(|n| *n > 300), "{found:?}");
+    }
+}
