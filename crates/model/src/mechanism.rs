@@ -150,8 +150,8 @@ pub struct ContactLaw {
     pub bristle_breakaway_m: f64,
     /// Time constant of the bristle's own damping while it sticks, s.
     pub bristle_damping_s: f64,
-    /// Length over which neighbouring places of one pair of surfaces are counted as one, m (the
-    /// temperature of the soft maximum).
+    /// Width of the smooth extremes where two rings lie flat on each other, m: depths that differ by more are
+    /// not changed by it.
     pub merge_depth_m: f64,
 }
 

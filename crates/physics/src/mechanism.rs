@@ -381,16 +381,10 @@ impl System {
         let poses = self.poses(bodies);
         let x_rp = poses.x_wr.inverse() * poses.x_wp;
         let stick = self.stick(&poses);
-        let contacts = if state.joint.is_some() || stick.is_some() {
-            // The joint carries the rings now, or the stick everything.
-            Contacts::none(self.scene.law(), poses.x_wr)
-        } else {
-            self.scene.measure(&state.contact, poses.x_wr, poses.x_wp)
-        };
         let latches =
             self.mechanism.latches.as_ref().map(|l| self.latch_gaps(l, x_rp)).unwrap_or_default();
-        Measured {
-            contacts,
+        let mut out = Measured {
+            contacts: Contacts::new(self.scene.law(), poses.x_wr, x_rp),
             stick,
             attenuator: AttenuatorGeometry::new(
                 poses.x_w3.inverse() * poses.x_wr,
@@ -398,7 +392,12 @@ impl System {
             ),
             latches,
             poses,
+        };
+        // With a joint that carries the rings, or a stick that carries everything, nothing else does.
+        if state.joint.is_none() && out.stick.is_none() {
+            self.scene.measure_into(&state.contact, &mut out.contacts);
         }
+        out
     }
 
     fn latch_gaps(&self, l: &LatchSet, x_rp: Pose) -> [LatchGap; 3] {

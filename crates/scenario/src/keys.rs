@@ -128,7 +128,7 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "mechanism.contact.merge_depth_m",
         Shape::Maybe(contact::MERGE_DEPTH),
-        "Overrides the length over which neighbouring places of one pair of surfaces merge.",
+        "Overrides the width within which neighbouring depths of two rings merge smoothly.",
     ),
     key(
         "initial.axial_speed_m_s",

@@ -50,7 +50,6 @@ pub fn stored_energy(law: &NormalLaw, k: f64, depth_m: f64) -> f64 {
 #[must_use]
 pub fn normal_force(law: &NormalLaw, elastic_n: f64, depth_rate_m_s: f64) -> NormalForce {
     if elastic_n <= 0.0 {
-        // The part of a pair's energy that is counted twice pulls back; it has no damping.
         return NormalForce { total_n: elastic_n, elastic_n };
     }
     let total = match *law {
@@ -92,11 +91,17 @@ pub fn bristle(law_breakaway: f64, y: DVec3, v: DVec3, h: f64) -> (DVec3, DVec3)
     (mean, dir + (y - dir) * decay)
 }
 
+/// Whether there is friction at all.
+#[must_use]
+pub fn rubs(law: &ContactLaw) -> bool {
+    law.friction_kinetic > 0.0 || law.friction_static > 0.0
+}
+
 /// Friction force on the surface that slides with `v_t` relative to the other, N, and the bristle's
 /// deflection at the end of the step.
 #[must_use]
 pub fn friction(law: &ContactLaw, normal_n: f64, y: DVec3, v_t: DVec3, h: f64) -> (DVec3, DVec3) {
-    if law.friction_kinetic <= 0.0 && law.friction_static <= 0.0 || normal_n <= 0.0 {
+    if !rubs(law) || normal_n <= 0.0 {
         return (DVec3::ZERO, y);
     }
     let (mean, end) = bristle(law.bristle_breakaway_m, y, v_t, h);

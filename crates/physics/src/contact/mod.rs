@@ -1,13 +1,16 @@
-//! Contact between the two sides of a docking mechanism: geometry, merging, law.
+//! Contact between the two sides of a docking mechanism: geometry, search, energy, law.
 //!
 //! [`Scene::measure`] finds where the sides touch (positions only, the expensive part);
 //! [`Contacts::wrench`] applies the law for given velocities (cheap, called several times a step).
 
+mod cells;
+mod contacts;
+mod geometry;
 pub mod law;
-mod merge;
+mod memory;
 mod scene;
-mod shape;
+mod search;
 
-pub use scene::{
-    ContactEnergy, ContactSample, ContactState, Contacts, PAIRS, PetalGaps, Scene, SurfacePair,
-};
+pub use contacts::{ContactEnergy, ContactSample, Contacts};
+pub use memory::ContactState;
+pub use scene::{PAIRS, PetalGaps, Scene, SurfacePair};

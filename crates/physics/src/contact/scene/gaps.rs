@@ -1,12 +1,8 @@
-//! Distance of every petal to what is nearest on the other side: for eyes, not for forces.
+//! Depths as such: of every petal to what is nearest, for eyes, and of every pair, for tests.
 
-use docktwin_core::{DVec3, Pose};
+use docktwin_core::Pose;
 
-use super::{COARSE, Circle, MAX_PETALS, Petal, Scene, Segment, Side, climb};
-use crate::contact::shape::{segment_circle, segment_segment};
-
-/// Rounds of refinement, each with a parabola: the last one looks 4 % of a petal's width to either side.
-const ROUNDS: usize = 3;
+use super::{Frame, MAX_PETALS, OnPetal, PAIRS, Scene, Start, Stiffness, SurfacePair, deepest};
 
 /// Gap of each petal, m: its distance to the ring or petal of the other side that is nearest, positive
 /// apart, negative in contact (right while the cores of the surfaces have not met). NaN where the
@@ -19,6 +15,15 @@ pub struct PetalGaps {
     pub passive_m: [f64; MAX_PETALS],
 }
 
+/// Depth of a whole petal; below `floor` a bound from above.
+fn depth<P: OnPetal<N>, const N: usize>(pairing: &P, floor: f64) -> f64 {
+    let rect = pairing.over([-1.0, 1.0], [0.0, 1.0]);
+    let found = deepest(pairing, &rect, floor, &Start::at(rect.middle()));
+    if found.place.depth > floor { found.place.depth } else { found.at_most }
+}
+
+const RIGID: Stiffness = Stiffness { a: 0.0, b: 0.0, power: 0.5 };
+
 impl Scene {
     /// Gap of every petal, with `x_rp` the pose of the passive ring frame `r4` in the active ring
     /// frame `r3`. Tens of microseconds: for every frame of a picture, not for every step.
@@ -26,98 +31,81 @@ impl Scene {
     pub fn petal_gaps(&self, x_rp: Pose) -> PetalGaps {
         let mut out =
             PetalGaps { active_m: [f64::NAN; MAX_PETALS], passive_m: [f64::NAN; MAX_PETALS] };
-        let to_rings = |side: &Side, ring: &Side, x: Pose, gaps: &mut [f64]| {
-            let circle = Circle {
-                centre: x.p,
-                axis: x.q * DVec3::X,
-                e0: x.q * DVec3::Y,
-                e1: x.q * DVec3::Z,
-                radius: ring.circle.radius,
-            };
-            for (petal, gap) in side.petals.iter().zip(gaps) {
-                *gap = petal_circle(petal, &circle) - petal.radius - ring.tube;
-            }
-        };
-        to_rings(&self.active, &self.passive, x_rp, &mut out.active_m);
-        to_rings(&self.passive, &self.active, x_rp.inverse(), &mut out.passive_m);
-        for (p, gap_p) in self.passive.petals.iter().zip(&mut out.passive_m) {
-            let centre = x_rp.transform_point(p.centre);
-            let moved = |s: Segment| Segment { a: x_rp.transform_point(s.a), d: x_rp.q * s.d };
-            let coarse = p.coarse.map(moved);
-            for (a, gap_a) in self.active.petals.iter().zip(&mut out.active_m) {
-                let radii = a.radius + p.radius;
-                let least = (centre - a.centre).length() - a.reach - p.reach - radii;
-                if least > gap_a.max(*gap_p) {
+        let (active, passive) = (self.active.count(), self.passive.count());
+        for i in 0..active {
+            out.active_m[i] = -self.depth_of(SurfacePair::PetalRing(i), x_rp, f64::NEG_INFINITY);
+        }
+        for j in 0..passive {
+            out.passive_m[j] = -self.depth_of(SurfacePair::RingPetal(j), x_rp, f64::NEG_INFINITY);
+        }
+        for i in 0..active {
+            for j in 0..passive {
+                let known = out.active_m[i].max(out.passive_m[j]);
+                let pair = SurfacePair::PetalPetal(i, j);
+                if self.least_gap(pair, x_rp) > known {
                     continue;
                 }
-                let look = gap_a.max(*gap_p) + radii;
-                let d = petal_petal(a, &coarse, |v| moved(p.ruling(v)), look) - radii;
-                (*gap_a, *gap_p) = (gap_a.min(d), gap_p.min(d));
+                let gap = -self.depth_of(pair, x_rp, -known);
+                out.active_m[i] = out.active_m[i].min(gap);
+                out.passive_m[j] = out.passive_m[j].min(gap);
             }
         }
         out
     }
-}
 
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
-fn u_of(i: usize) -> f64 {
-    -1.0 + 2.0 * i as f64 / (COARSE - 1) as f64
-}
-
-/// Least distance between the mid-surface of a petal and a circle.
-fn petal_circle(petal: &Petal, circle: &Circle) -> f64 {
-    let of = |s: &Segment| {
-        let (_, p, q) = segment_circle(s, circle);
-        -(q - p).length()
-    };
-    let (mut u, mut best) = (0.0, f64::NEG_INFINITY);
-    for (i, s) in petal.coarse.iter().enumerate() {
-        let near = of(s);
-        if near > best {
-            (u, best) = (u_of(i), near);
+    /// Depth of every pair of surfaces as such, m: positive in contact, negative apart; NaN where
+    /// there is no such pair. Of a pair less deep than `floor_m` only a bound from above, below the floor.
+    /// Nothing is remembered, merged or weighed: for tests and reports.
+    #[must_use]
+    pub fn depths(&self, x_rp: Pose, floor_m: f64) -> [f64; PAIRS] {
+        let mut out = [f64::NAN; PAIRS];
+        for pair in &self.pairs {
+            out[pair.index()] = self.depth_of(*pair, x_rp, floor_m);
         }
+        out
     }
-    let mut h = u_of(1) - u_of(0);
-    for _ in 0..ROUNDS {
-        (u, best) = climb(u, best, (u - h).max(-1.0), (u + h).min(1.0), |x| of(&petal.ruling(x)));
-        h *= 0.4;
-    }
-    -best
-}
 
-/// Least distance between the mid-surfaces of two petals, `coarse` and `ruling` those of the second
-/// in the frame of the first. Not refined where it cannot be below `look`.
-fn petal_petal(
-    a: &Petal,
-    coarse: &[Segment; COARSE],
-    ruling: impl Fn(f64) -> Segment,
-    look: f64,
-) -> f64 {
-    let of = |s: &Segment, t: &Segment| {
-        let near = segment_segment(s, t);
-        -(near.pb - near.pa).length()
-    };
-    let (mut u, mut v, mut best) = (0.0, 0.0, f64::NEG_INFINITY);
-    for (i, s) in a.coarse.iter().enumerate() {
-        for (j, t) in coarse.iter().enumerate() {
-            let near = of(s, t);
-            if near > best {
-                (u, v, best) = (u_of(i), u_of(j), near);
+    fn depth_of(&self, pair: SurfacePair, x_rp: Pose, floor: f64) -> f64 {
+        match pair {
+            SurfacePair::RingRing => self.rings(&Frame::of(x_rp).inverse()).depth_m(),
+            SurfacePair::PetalRing(i) | SurfacePair::RingPetal(i) => {
+                let active = matches!(pair, SurfacePair::PetalRing(_));
+                let x = Frame::of(x_rp);
+                let x_cf = if active {
+                    x.inverse() * self.active.turn(i)
+                } else {
+                    x * self.passive.turn(i)
+                };
+                self.on_circle(active, &x_cf).map_or(f64::NAN, |mut pairing| {
+                    pairing.stiffness = RIGID;
+                    depth(&pairing, floor)
+                })
+            }
+            SurfacePair::PetalPetal(i, j) => {
+                let (Some(a), Some(b)) = (&self.active.petals, &self.passive.petals) else {
+                    return f64::NAN;
+                };
+                let x = self.between(i, j, x_rp);
+                let mut pairing = self.on_sheet((a, b), &x);
+                pairing.stiffness = RIGID;
+                depth(&pairing, floor)
             }
         }
     }
-    // Between the rulings looked at it can fall by no more than half their distances.
-    let step = |r: &[Segment; COARSE]| (r[0].a - r[1].a).length();
-    if -best - 0.5 * (step(&a.coarse) + step(coarse)) > look {
-        return -best;
+
+    /// Distance of the balls around two petals, m.
+    fn least_gap(&self, pair: SurfacePair, x_rp: Pose) -> f64 {
+        let (SurfacePair::PetalPetal(i, j), Some(a), Some(b)) =
+            (pair, &self.active.petals, &self.passive.petals)
+        else {
+            return 0.0;
+        };
+        let apart = self.between(i, j, x_rp).point(b.centre) - a.centre;
+        apart.length() - a.reach - b.reach - a.sheet.ball - b.sheet.ball
     }
-    let mut h = u_of(1) - u_of(0);
-    for _ in 0..ROUNDS {
-        let t = ruling(v);
-        (u, best) = climb(u, best, (u - h).max(-1.0), (u + h).min(1.0), |x| of(&a.ruling(x), &t));
-        let s = a.ruling(u);
-        (v, best) = climb(v, best, (v - h).max(-1.0), (v + h).min(1.0), |x| of(&s, &ruling(x)));
-        h *= 0.4;
+
+    /// Frame of passive petal `j` in that of active petal `i`.
+    fn between(&self, i: usize, j: usize, x_rp: Pose) -> Frame {
+        self.active.turn(i).inverse() * Frame::of(x_rp) * self.passive.turn(j)
     }
-    -best
 }
