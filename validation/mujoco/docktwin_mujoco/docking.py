@@ -19,8 +19,6 @@ _VOID_P2 = ctypes.CFUNCTYPE(None, ctypes.c_ssize_t, ctypes.c_ssize_t)
 _CALLBACK = None
 # Words of mjData that are looked through; it is larger than that.
 MOST_WORDS = 20200
-# The law is stated for this many intervals of a family; more shift the surface by e ln m.
-RING_INTERVALS, RULING_INTERVALS = 24, 6
 
 
 def _install(data) -> ctypes._CFuncPtr:
@@ -49,20 +47,19 @@ def _petal_numbers(petals):
     ]
 
 
-def parameters(scene: Scene, step_s: float, every: int, intervals=None) -> np.ndarray:
-    """Everything constant of a scene, as the kernel reads it."""
-    m, P = scene.mechanism, np.zeros(k.P_SIZE)
-    m_ring, m_ruling = intervals or (RING_INTERVALS, RULING_INTERVALS)
-    P[k.RIGID] = float(m.attenuation is None)
+def surfaces(active, passive, law) -> np.ndarray:
+    """What the kernel needs to know for contact alone."""
+    P = np.zeros(k.P_SIZE)
     for side, ring, tube, first, count in (
-        (m.active, k.RING_A, k.TUBE_A, k.PETAL_A, k.PETALS_A),
-        (m.passive, k.RING_B, k.TUBE_B, k.PETAL_B, k.PETALS_B),
+        (active, k.RING_A, k.TUBE_A, k.PETAL_A, k.PETALS_A),
+        (passive, k.RING_B, k.TUBE_B, k.PETAL_B, k.PETALS_B),
     ):
         P[ring], P[tube] = side.ring_mean_radius_m, side.ring_section_radius_m
         if side.petals is not None:
+            if side.petals.count > 3:
+                raise ValueError(f"at most 3 petals a side, found {side.petals.count}")
             P[count] = side.petals.count
             P[first : first + 9] = _petal_numbers(side.petals)
-    law = m.law
     P[k.KELVIN_VOIGT] = float(hasattr(law.normal, "damping_n_s_m"))
     P[k.STIFFNESS], P[k.EXPONENT] = law.normal.stiffness, law.normal.exponent
     P[k.DAMPING] = getattr(law.normal, "damping_n_s_m", None) or getattr(
@@ -76,7 +73,14 @@ def parameters(scene: Scene, step_s: float, every: int, intervals=None) -> np.nd
             f.kinetic, f.static, f.stribeck_velocity_m_s, f.bristle_breakaway_m, f.bristle_damping_s
         ]
         P[k.RUBBING] = 1.0
-    P[k.M_RING], P[k.M_RULING] = m_ring, m_ruling
+    return P
+
+
+def parameters(scene: Scene, step_s: float, every: int) -> np.ndarray:
+    """Everything constant of a scene, as the kernel reads it."""
+    m = scene.mechanism
+    P = surfaces(m.active, m.passive, m.law)
+    P[k.RIGID] = float(m.attenuation is None)
     c, t = scene.chaser, scene.target
     P[k.MOUNT_C : k.MOUNT_C + 12] = np.concatenate([c.p_body_port_m, c.r_body_port.ravel()])
     P[k.MOUNT_T : k.MOUNT_T + 12] = np.concatenate([t.p_body_port_m, t.r_body_port.ravel()])
@@ -192,7 +196,7 @@ class FullDocking:
     """The on-orbit scene under MuJoCo's integrator."""
 
     def __init__(self, scene: Scene, step_s: float = 2e-4, tick_s: float = 1e-3,
-                 intervals=None, model=None) -> None:
+                 model=None) -> None:
         every = round(tick_s / step_s)
         if abs(every * step_s - tick_s) > 1e-12:
             raise ValueError(f"a tick of {tick_s} s is no whole number of steps of {step_s} s")
@@ -200,7 +204,7 @@ class FullDocking:
         self.tick_s = tick_s
         self.model = model or mujoco.MjModel.from_xml_string(mjcf(scene, step_s))
         self.data = mujoco.MjData(self.model)
-        self.P = parameters(scene, step_s, every, intervals)
+        self.P = parameters(scene, step_s, every)
         self.S = np.zeros(k.S_SIZE)
         self.callback = _install(self.data)
         self.rigid = scene.mechanism.attenuation is None
@@ -274,6 +278,8 @@ class FullDocking:
             seen = upto
             if not np.isfinite(self.data.qpos).all():
                 raise FloatingPointError("the state is no longer finite: halve the step")
+            if self.S[k.CROSSED] != 0.0:
+                raise FloatingPointError("surfaces overlap until their cores meet: not modelled here")
         S, rows = self.S, self.T[: ended + 1]
         name, when, reason = monitor.judge(rows[-1][k.TIME])
         times = S[k.TIMES : k.TIMES + 9].reshape(3, 3)

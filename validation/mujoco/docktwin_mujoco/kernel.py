@@ -4,7 +4,7 @@ stage of its Runge-Kutta steps: contact, attenuator, latches, joined rings, thru
 Compiled by numba to a C function and installed as MuJoCo's passive-force callback, so that a run is
 one call of `mj_step(nstep)` and no Python runs in between. What the mechanism remembers in continuous
 time (bristles, brake slip, impulse) are activation states, integrated by MuJoCo beside the bodies;
-what it remembers from step to step (latches, joint, which place holds which bristle) stands in `S` and
+what it remembers from step to step (latches, joint, which cell holds which bristle) stands in `S` and
 changes at the first stage of a step only.
 
 `P` parameters, `S` memory, `T` telemetry rows. Their addresses, and those of MuJoCo's arrays, stand
@@ -18,10 +18,11 @@ import math
 import numpy as np
 from numba import cfunc, njit, types
 
-from .places import (
-    COUPLE, DEPTH, DIR, ELASTIC, ENERGY, PLACE, POINT, RUBS, SAMPLE, SLIDE, SPREAD, AT,
-    PIECES, merge, petal_on_petal, petal_on_ring, ring_on_ring, to_active,
+from .cells import (
+    COUPLE, DAMPS, DEEP, DIR, FORCE as FORCE_OF, PLACE, PLACES as MOST_PLACES, POINT_OF, RUBS, SPREAD,
+    TOUCHES, neighbours, pair_load,
 )
+from .places import ELEMENT, MOST_ELEMENTS, petal_elements, ring_on_ring
 from .raw import pointer, pointer_f
 from .vec import (
     add, at3, at9, axpy, back, chain, cross, dot, matrix, mul, norm, put3, rotation_vector, solve3,
@@ -32,7 +33,6 @@ from .vec import (
 RIGID, PETALS_A, PETALS_B, RING_A, TUBE_A, RING_B, TUBE_B = range(7)
 PETAL_A, PETAL_B = 10, 20  # base, tip, height, base half, tip half, ball, EI, azimuth, length
 KELVIN_VOIGT, STIFFNESS, EXPONENT, DAMPING, MU_K, MU_S, V_S, S_0, TAU_B, MERGE, RUBBING = range(30, 41)
-M_RING, M_RULING = 45, 46
 MOUNT_C, OFFSET_A, MOUNT_T, OFFSET_B, RING_COM = 50, 62, 63, 75, 76
 LATCHES, AZIMUTH, APPROACH, STRIKE, CATCH, RADIAL, TANGENTIAL, HOLD, JOINED_K, JOINED_C = (
     100, 101, 104, 105, 106, 107, 108, 109, 110, 111
@@ -48,18 +48,25 @@ P_SIZE = 720
 # -- memory ------------------------------------------------------------------------------------
 STAGE, FIRST, CAPTURED, PEAK_F, PEAK_M, PEAK_D, ROWS, TOUCHING, FORCE, CROSSED = range(10)
 PHASE, TIMES, ANCHOR, PRELOAD = 10, 13, 30, 39
-SLOT, CLEAR, CONTROL = 50, 120, 340
-PLACES = 352
-WARM, WARM_SIZE = 360, 17
-# Places for the record: pair, point, normal force on the passive side, friction, depth.
-# As many as docktwin records: a jam has 13 and more.
-SHOWN, SHOWN_SIZE, MOST_SHOWN = 520, 11, 32
-S_SIZE = SHOWN + SHOWN_SIZE * MOST_SHOWN
+# Of every cell the number of its bristle, counted from 1; how far a pair was apart and at which pose.
+SLOT, CLEAR, CONTROL = 50, 180, 390
+PLACES = 402
+S_SIZE = 404
 PAIRS = 16
 CLEAR_SIZE = 13
+# Cores nearer to each other than this are said to meet: their normal is no longer to be believed, m.
+MEETING = 1e-4
+
+# Places for the record: pair, point, normal force on the passive side, friction, depth; for this side's
+# own tests also the cell, the normal force that rubs, spread, mean normal, bristle and its number.
+# As many as docktwin records: a jam has 13 and more.
+SHOWN_SIZE, MOST_SHOWN = 11, 32
+OF_CELL, OF_NORMAL, OF_SPREAD, OF_DIR, OF_BRISTLE, OF_SLOT, RECORD = 11, 12, 13, 14, 17, 20, 21
+# As many places rub and damp at a time, and each has a bristle.
+RUBBING_PLACES = 24
 
 # -- activation states -------------------------------------------------------------------------
-BRISTLES, SLIP_DRY, IMPULSE, STATES = 0, 96, 108, 112
+BRISTLES, SLIP_DRY, IMPULSE, STATES = 0, 72, 84, 88
 
 # Break-away of dry friction in the attenuator, depth over which a stop's damping sets in; m or rad.
 DRY_BREAKAWAY, STOP_ENGAGEMENT = 2e-4, 1e-3
@@ -85,209 +92,185 @@ def petal_at(P, first, i, count):
 
 
 @njit(cache=True)
-def contact(P, S, act, rates, r, p, v_ab, w_ab, first, places, given):
+def circle(radius, tube):
+    """A ring as numbers of the form in which petals come."""
+    return (radius, 0.0, 0.0, 0.0, 0.0, tube, 1.0, 0.0, 0.0)
+
+
+@njit(cache=True)
+def is_there(P, pair):
+    """Whether the sides have this pair of surfaces."""
+    n_a, n_b = int(P[PETALS_A]), int(P[PETALS_B])
+    if pair == 0:
+        return True
+    if pair <= 3:
+        return pair - 1 < n_a
+    if pair <= 6:
+        return pair - 4 < n_b
+    return (pair - 7) // 3 < n_a and (pair - 7) % 3 < n_b
+
+
+@njit(cache=True)
+def measure(P, pair, r, p, elements):
+    """Depths of a pair's elements, in the frame of the ring whose surface is divided. Returns the largest,
+    or what it is surely not above; below zero it is how far the pair is apart."""
+    kc, n = P[STIFFNESS], P[EXPONENT]
+    n_a, n_b = int(P[PETALS_A]), int(P[PETALS_B])
+    if pair == 0:
+        return ring_on_ring(elements, P[RING_A], P[TUBE_A], P[RING_B], P[TUBE_B], r, p)
+    if pair <= 3:
+        g = petal_at(P, PETAL_A, pair - 1, n_a)
+        return petal_elements(elements, False, g, circle(P[RING_B], P[TUBE_B]), kc, n, r, p)
+    if pair <= 6:
+        g = petal_at(P, PETAL_B, pair - 4, n_b)
+        return petal_elements(
+            elements, False, g, circle(P[RING_A], P[TUBE_A]), kc, n, transposed(r), mul(back(r, p), -1.0)
+        )
+    ga = petal_at(P, PETAL_A, (pair - 7) // 3, n_a)
+    gb = petal_at(P, PETAL_B, (pair - 7) % 3, n_b)
+    return petal_elements(elements, True, ga, gb, kc, n, r, p)
+
+
+@njit(cache=True)
+def contact(P, S, act, rates, r, p, v_ab, w_ab, first, given, record):
     """Wrench on the passive side about the active ring's origin, in that ring's frame, of all places
     of contact. (r, p) poses the passive ring frame; `v_ab`, `w_ab` is its motion at the origin. Bristle
-    rates go into `rates`. `given[pair]` holds samples measured by somebody else, their number in the
-    first row's first column; empty: measured here. Returns force, moment, deepest depth, number of
-    places, stored energy."""
-    eps, exponent, kc = P[MERGE], P[EXPONENT], P[STIFFNESS]
-    n_a, n_b = int(P[PETALS_A]), int(P[PETALS_B])
-    m_ring, m_ruling = int(P[M_RING]), int(P[M_RULING])
-    m_most = max(m_ring, m_ruling, 2 * PIECES)
-    samples = np.empty((m_most, SAMPLE))
-    r_back = transposed(r)
-    p_back = mul(back(r, p), -1.0)
-    apart = eps * math.log(m_most)
+    rates go into `rates`, places into `record`. `given[pair]` holds elements measured by somebody else,
+    with a number above zero in the first row's first column where there are any; empty: measured here.
+    Returns force, moment, deepest depth, number of places that rub, stored energy."""
+    elements = np.empty((MOST_ELEMENTS, ELEMENT))
+    places = np.empty((MOST_PLACES, PLACE))
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    deepest, count, stored = 0.0, 0, 0.0
-    reach = 1.3 * max(P[RING_B] + P[TUBE_B], P[PETAL_B + 1] + P[PETAL_B + 5]) if n_b > 0 else (
-        P[RING_B] + P[TUBE_B]
-    )
-    for pair in range(PAIRS):
-        if 1 <= pair <= 3 and pair - 1 >= n_a:
-            continue
-        if 4 <= pair <= 6 and pair - 4 >= n_b:
-            continue
-        if pair >= 7 and ((pair - 7) // 3 >= n_a or (pair - 7) % 3 >= n_b):
-            continue
-        # The bristles of a pair that has parted are forgotten; `apply` marks those that live.
-        lived0, lived1 = S[SLOT + 4 * pair], S[SLOT + 4 * pair + 2]
+    deepest, rubbing, stored, touching = 0.0, 0, 0.0, 0
+    reach = P[RING_B] + P[TUBE_B]
+    if P[PETALS_B] > 0.0:
+        tip = math.hypot(P[PETAL_B + 2], max(abs(P[PETAL_B]), abs(P[PETAL_B + 1]))) + P[PETAL_B + 5]
+        reach = max(reach, tip)
+    # Bristles before this step: a cell that begins to touch takes one of them.
+    slots = np.empty(PAIRS * MOST_PLACES)
+    bristles = np.zeros((RUBBING_PLACES, 3))
+    for i in range(PAIRS * MOST_PLACES):
+        slots[i] = S[SLOT + i]
         if first:
-            S[SLOT + 4 * pair] = S[SLOT + 4 * pair + 2] = 0.0
-        # The pair is not looked at while the sides have moved less than it was apart.
-        c = CLEAR + pair * CLEAR_SIZE
-        if S[c] > 0.0:
-            moved = norm(sub(p, at3(S, c + 1)))
-            was = at9(S, c + 4)
-            turned = 0.0
-            for i in range(3):
-                for j in range(3):
-                    turned += (r[i][j] - was[i][j]) ** 2
-            if moved + math.sqrt(turned) * reach < S[c]:
-                continue
-        closed, two, n = False, True, m_ruling
-        bound = 0.0
+            S[SLOT + i] = 0.0
+    for i in range(RUBBING_PLACES):
+        put3(bristles[i], 0, at3(act, BRISTLES + 3 * i))
+        if first:
+            put3(act, BRISTLES + 3 * i, (0.0, 0.0, 0.0))
+    for pair in range(PAIRS):
+        if not is_there(P, pair):
+            continue
         if given.shape[0] > 0:
-            n = int(given[pair, 0, 0])
-            if n == 0:
+            if given[pair, 0, 0] <= 0.0:
                 continue
-            closed, two = pair == 0, pair < 7
-            for i in range(n):
-                samples[i] = given[pair, 1 + i]
-        elif pair == 0:
-            closed, n = True, m_ring
-            bound = ring_on_ring(
-                samples, n, P[RING_A], P[TUBE_A], P[RING_B], P[TUBE_B], kc, r, p, apart
-            )
-        elif pair <= 3:
-            g = petal_at(P, PETAL_A, pair - 1, n_a)
-            bound = petal_on_ring(samples, n, g, P[RING_B], P[TUBE_B], kc, r, p, apart)
-        elif pair <= 6:
-            g = petal_at(P, PETAL_B, pair - 4, n_b)
-            bound = petal_on_ring(samples, n, g, P[RING_A], P[TUBE_A], kc, r_back, p_back, apart)
-            if bound >= -apart:
-                to_active(samples, n, r, p)
+            elements[:] = given[pair, 1:]
         else:
-            ga = petal_at(P, PETAL_A, (pair - 7) // 3, n_a)
-            gb = petal_at(P, PETAL_B, (pair - 7) % 3, n_b)
-            two = False
-            # Where the deepest rulings were is remembered while the sides move by half a millimetre.
-            w = WARM + (pair - 7) * WARM_SIZE
-            known = False
-            if S[w] > 0.0:
-                was = at9(S, w + 4)
+            # The pair is not looked at while the sides have moved less than it was apart.
+            c = CLEAR + pair * CLEAR_SIZE
+            if S[c] > 0.0:
+                moved = norm(sub(p, at3(S, c + 1)))
+                was = at9(S, c + 4)
                 turned = 0.0
                 for i in range(3):
                     for j in range(3):
                         turned += (r[i][j] - was[i][j]) ** 2
-                known = norm(sub(p, at3(S, w + 1))) + math.sqrt(turned) * reach < 5e-4
-            bound, n = petal_on_petal(
-                samples, ga, gb, kc, eps, r, p, apart, known, S[w + 13 : w + 17]
-            )
-            if not known and n > 0:
-                S[w] = 1.0
-                put3(S, w + 1, p)
+                if moved + math.sqrt(turned) * reach < S[c]:
+                    continue
+            top = measure(P, pair, r, p, elements)
+            S[c] = 0.0
+            if top <= 0.0:
+                S[c] = -top
+                put3(S, c + 1, p)
                 for i in range(3):
-                    put3(S, w + 4 + 3 * i, r[i])
-            elif n == 0:
-                S[w] = 0.0
-        if given.shape[0] == 0 and bound < -apart:
-            S[c] = -bound - apart
-            put3(S, c + 1, p)
-            for i in range(3):
-                put3(S, c + 4 + 3 * i, r[i])
-            continue
-        S[c] = 0.0
-        depth, pushing, rows = merge(samples, n, closed, two, eps, exponent, places)
-        if depth <= 0.0:
-            # Refined, so this is how far apart they are, but for what the search may have missed.
-            S[c] = max(-0.7 * depth - 1e-5, 0.0) if given.shape[0] == 0 else 0.0
-            put3(S, c + 1, p)
-            for i in range(3):
-                put3(S, c + 4 + 3 * i, r[i])
-            continue
-        deepest = max(deepest, depth)
-        S[SLOT + 4 * pair], S[SLOT + 4 * pair + 2] = lived0, lived1
-        f, m, e = apply(P, S, act, rates, pair, pushing, rows, places, v_ab, w_ab, first, count)
+                    put3(S, c + 4 + 3 * i, r[i])
+                continue
+        u, f, m, depth = pair_load(
+            pair, elements, P[MERGE], P[STIFFNESS], P[EXPONENT], r, p, places
+        )
+        tube = P[TUBE_A] if pair == 0 or 4 <= pair <= 6 else P[PETAL_A + 5]
+        tube += P[TUBE_B] if pair <= 3 else P[PETAL_B + 5]
+        if depth > tube - MEETING:
+            S[CROSSED] = 1.0
+        stored += u
         force, moment = add(force, f), add(moment, m)
-        stored += e
-        count += pushing
-    if first:
-        for i in range(2 * PAIRS):
-            if S[SLOT + 2 * i] == 0.0:
-                put3(act, BRISTLES + 3 * i, (0.0, 0.0, 0.0))
-    return force, moment, deepest, count, stored
-
-
-@njit(cache=True)
-def _far(S, slot, u):
-    """Distance of a remembered place from u; infinite when there is none."""
-    if S[slot] == 0.0:
-        return 1e300
-    d = abs(S[slot + 1] - u)
-    return 2.0 * math.pi - d if d > math.pi else d
-
-
-@njit(cache=True)
-def apply(P, S, act, rates, pair, pushing, rows, places, v_ab, w_ab, first, before):
-    """Law of the places of one pair: force, moment, stored energy."""
-    # Each place takes the bristle of the remembered place nearest to it.
-    slots = SLOT + 4 * pair
-    swap = 0
-    if pair < 7:
-        u0 = places[0, AT]
-        if pushing == 2:
-            u1 = places[1, AT]
-            straight = min(_far(S, slots, u0), _far(S, slots + 2, u1))
-            crossed = min(_far(S, slots + 2, u0), _far(S, slots, u1))
-            swap = 1 if crossed < straight else 0
-        elif _far(S, slots + 2, u0) < _far(S, slots, u0):
-            swap = 1
-    used0 = used1 = False
-    was0, was1 = S[slots] != 0.0, S[slots + 2] != 0.0
-    force, moment, stored = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
-    for i in range(rows):
-        row = places[i]
-        point, direction, couple = at3(row, POINT), at3(row, DIR), at3(row, COUPLE)
-        v = add(v_ab, cross(w_ab, point))
-        rate = -(dot(direction, v) + dot(couple, w_ab))
-        el = row[ELASTIC]
-        total = el
-        if el > 0.0:
-            if P[KELVIN_VOIGT] != 0.0:
-                total = max(el + P[DAMPING] * rate, 0.0)
-            else:
-                total = el * max(1.0 + P[DAMPING] * rate, 0.0)
-        f = mul(direction, total)
-        m = mul(couple, total)
-        if i < pushing:
-            stored += row[ENERGY]
-            f = add(f, at3(row, SLIDE))
-            j = i if swap == 0 else 1 - i
-            used0, used1 = used0 or j == 0, used1 or j == 1
-            fresh = not (was0 if j == 0 else was1)
-            b = BRISTLES + 3 * (2 * pair + j)
+        deepest = max(deepest, depth)
+        for which in range(MOST_PLACES):
+            # Rows of cells one after the other, eighths as they are numbered.
+            cell = which if pair == 0 else 2 * (which % 4) + which // 4
+            if places[cell, TOUCHES] == 0.0:
+                continue
+            touching += 1
+            if touching > RUBBING_PLACES:
+                continue
+            # The bristle of the same cell, else of a cell beside it, else a straight one.
+            slot = int(slots[MOST_PLACES * pair + cell])
+            from_slot = slot
+            if from_slot == 0:
+                for i in range(MOST_PLACES):
+                    other = i if pair == 0 else 2 * (i % 4) + i // 4
+                    if slots[MOST_PLACES * pair + other] > 0.0 and neighbours(pair, cell, other):
+                        from_slot = int(slots[MOST_PLACES * pair + other])
+                        break
+            y = (0.0, 0.0, 0.0)
+            if from_slot > 0:
+                y = at3(bristles[from_slot - 1], 0)
             if first:
-                S[slots + 2 * j + 1] = row[AT]
-            size = norm(direction)
-            normal = total * size * row[RUBS]
-            shown = SHOWN + SHOWN_SIZE * (before + i)
-            keep = first and before + i < MOST_SHOWN
-            if keep:
-                S[shown] = pair
-                put3(S, shown + 1, point)
-                put3(S, shown + 4, f)
-                put3(S, shown + 7, (0.0, 0.0, 0.0))
-                S[shown + 10] = row[DEPTH]
-            if P[RUBBING] != 0.0 and size > 1e-9:
-                n = mul(direction, 1.0 / size)
-                wn = dot(w_ab, n)
-                slip = axpy(axpy(v, -dot(v, n), n), wn * row[SPREAD], n)
-                speed = norm(slip)
-                y = (0.0, 0.0, 0.0) if (fresh and first) else at3(act, b)
-                y_rate = mul(axpy(slip, -speed, y), 1.0 / P[S_0])
-                put3(rates, b, y_rate)
-                if normal > 0.0:
-                    fade = math.exp(-((speed / P[V_S]) ** 2))
-                    mu = P[MU_K] + (P[MU_S] - P[MU_K]) * fade
-                    rub = mul(axpy(y, P[TAU_B] * fade, y_rate), -mu * normal)
-                    twist = dot(rub, n)
-                    rubbing = axpy(rub, -twist, n)
-                    if keep:
-                        put3(S, shown + 7, rubbing)
-                    f = add(f, rubbing)
-                    m = axpy(m, twist * row[SPREAD], n)
-        force = add(force, f)
-        moment = add(moment, add(m, cross(point, f)))
-    if first:
-        # The bristle of a place that is new starts straight.
-        for j in range(2):
-            used, was = (used0, was0) if j == 0 else (used1, was1)
-            if used and not was:
-                put3(act, BRISTLES + 3 * (2 * pair + j), (0.0, 0.0, 0.0))
-            S[slots + 2 * j] = 1.0 if used else 0.0
-    return force, moment, stored
+                # Numbered anew in every step.
+                slot = touching
+                S[SLOT + MOST_PLACES * pair + cell] = slot
+                put3(act, BRISTLES + 3 * (slot - 1), y)
+            f, m = apply(P, rates, places[cell], y, slot, v_ab, w_ab, pair, cell, record, rubbing)
+            if places[cell, RUBS] > 0.0:
+                rubbing += 1
+            force, moment = add(force, f), add(moment, m)
+    return force, moment, deepest, rubbing, stored
+
+
+@njit(cache=True)
+def apply(P, rates, place, y, slot, v_ab, w_ab, pair, cell, record, number):
+    """Damping and friction of one place: force and moment on the passive side. `slot`: its bristle,
+    counted from 1; none (0) for a place that began between two steps."""
+    point, direction, couple = at3(place, POINT_OF), at3(place, DIR), at3(place, COUPLE)
+    v = add(v_ab, cross(w_ab, point))
+    rate = -(dot(direction, v) + dot(couple, w_ab))
+    rubs = place[RUBS]
+    total = 0.0
+    if rubs > 0.0:
+        if P[KELVIN_VOIGT] != 0.0:
+            total = max(rubs + P[DAMPING] * place[DAMPS] * rate, 0.0)
+        else:
+            total = rubs * max(1.0 + P[DAMPING] * rate, 0.0)
+    f, m = mul(direction, total - rubs), mul(couple, total - rubs)
+    push = add(at3(place, FORCE_OF), f)
+    size = norm(direction)
+    normal, rubbing, spread = total * size, (0.0, 0.0, 0.0), place[SPREAD]
+    n = mul(direction, 1.0 / size) if size > 1e-9 else (1.0, 0.0, 0.0)
+    if P[RUBBING] != 0.0:
+        slip = axpy(axpy(v, -dot(v, n), n), dot(w_ab, n) * spread, n)
+        speed = norm(slip)
+        y_rate = mul(axpy(slip, -speed, y), 1.0 / P[S_0])
+        # Where nothing is left to rub the bristle moves on: it may be passed on to the next cell.
+        if slot > 0:
+            put3(rates, BRISTLES + 3 * (slot - 1), y_rate)
+        if normal > 0.0:
+            fade = math.exp(-((speed / P[V_S]) ** 2))
+            mu = P[MU_K] + (P[MU_S] - P[MU_K]) * fade
+            rub = mul(axpy(y, P[TAU_B] * fade, y_rate), -mu * normal)
+            twist = dot(rub, n)
+            rubbing = axpy(rub, -twist, n)
+            f, m = add(f, rubbing), axpy(m, twist * spread, n)
+    if rubs > 0.0 and number < record.shape[0]:
+        row = record[number]
+        row[0], row[10], row[OF_CELL], row[OF_NORMAL], row[OF_SPREAD] = (
+            pair, place[DEEP], cell, normal, spread
+        )
+        put3(row, 1, point)
+        put3(row, 4, push)
+        put3(row, 7, rubbing)
+        put3(row, OF_DIR, n)
+        put3(row, OF_BRISTLE, y)
+        row[OF_SLOT] = slot - 1
+    return f, add(m, cross(point, f))
 
 
 # -- attenuator ----------------------------------------------------------------------------------
@@ -582,12 +565,12 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
     force, moment, rubbed = zero, zero, zero
     depth, count = 0.0, 0
     latch = np.zeros((3, 3))
+    record = np.empty((MOST_SHOWN if first else 0, RECORD))
     joined = S[CAPTURED] >= 0.0
     if not joined:
         if P[CONTACT_OFF] == 0.0:
-            places = np.empty((4, PLACE))
             force, moment, depth, count, _ = contact(
-                P, S, act, rates, r_ab, p_ab, v_ab, w_ab, first, places, given
+                P, S, act, rates, r_ab, p_ab, v_ab, w_ab, first, given, record
             )
             rubbed = force
         if P[LATCHES] != 0.0:
@@ -693,11 +676,11 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         n = min(count, MOST_SHOWN)
         row[N_SHOWN] = n
         for i in range(n):
-            a, b = SHOWN_ROW + SHOWN_SIZE * i, SHOWN + SHOWN_SIZE * i
-            row[a], row[a + 10] = S[b], S[b + 10]
-            put3(row, a + 1, add(pr, turn(rr, at3(S, b + 1))))
-            put3(row, a + 4, turn(rr, at3(S, b + 4)))
-            put3(row, a + 7, turn(rr, at3(S, b + 7)))
+            a, shown = SHOWN_ROW + SHOWN_SIZE * i, record[i]
+            row[a], row[a + 10] = shown[0], shown[10]
+            put3(row, a + 1, add(pr, turn(rr, at3(shown, 1))))
+            put3(row, a + 4, turn(rr, at3(shown, 4)))
+            put3(row, a + 7, turn(rr, at3(shown, 7)))
 
 
 # -- MuJoCo's view ---------------------------------------------------------------------------------
@@ -720,7 +703,7 @@ def callback(userdata_offset: int):
         T = pointer_f(user[2], n_t * ROW).reshape((n_t, ROW))
         scene(
             P, S, T, pointer_f(user[4], nq), pointer_f(user[5], nv), pointer_f(user[6], STATES),
-            pointer_f(user[7], STATES), pointer_f(user[8], nv), np.empty((0, 1, SAMPLE)),
+            pointer_f(user[7], STATES), pointer_f(user[8], nv), np.empty((0, 1, ELEMENT)),
         )
 
     return passive

@@ -1,4 +1,4 @@
-"""The contact law of one place, written again from its statement in the model's documentation."""
+"""Parameters of the contact law, and friction of one place for tests without a mechanism."""
 
 from __future__ import annotations
 
@@ -16,18 +16,6 @@ class HuntCrossley:
     exponent: float = 1.0
     damping_s_m: float = 0.0
 
-    def elastic(self, k: float, depth: float) -> float:
-        """Derivative of the stored energy by depth, N."""
-        return k * depth**self.exponent if depth > 0.0 else 0.0
-
-    def energy(self, k: float, depth: float) -> float:
-        """Stored energy, J."""
-        return k * depth ** (self.exponent + 1.0) / (self.exponent + 1.0) if depth > 0.0 else 0.0
-
-    def total(self, elastic: float, depth_rate: float) -> float:
-        """Elastic and dissipative force together, N."""
-        return elastic * max(0.0, 1.0 + self.damping_s_m * depth_rate)
-
 
 @dataclass(frozen=True)
 class KelvinVoigt:
@@ -36,18 +24,6 @@ class KelvinVoigt:
     stiffness: float
     damping_n_s_m: float = 0.0
     exponent: float = 1.0
-
-    def elastic(self, k: float, depth: float) -> float:
-        """Derivative of the stored energy by depth, N."""
-        return k * max(depth, 0.0)
-
-    def energy(self, k: float, depth: float) -> float:
-        """Stored energy, J."""
-        return 0.5 * k * max(depth, 0.0) ** 2
-
-    def total(self, elastic: float, depth_rate: float) -> float:
-        """Elastic and dissipative force together, N."""
-        return max(0.0, elastic + self.damping_n_s_m * depth_rate) if elastic > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -75,15 +51,8 @@ class Friction:
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """Normal law, friction and the length over which neighbouring places are one."""
+    """Normal law, friction, and the width of the smooth extremes around a ring."""
 
     normal: HuntCrossley | KelvinVoigt
     friction: Friction | None = None
     merge_depth_m: float = 5e-5
-
-
-def petal_stiffness(k: float, flexural_rigidity_n_m2: float, s):
-    """Stiffness of the contact in series with a cantilever loaded at s from its base, and its
-    derivative by s: 1/k(s) = 1/k + s^3/(3 EI)."""
-    c = 1.0 / k + s**3 / (3.0 * flexural_rigidity_n_m2)
-    return 1.0 / c, -(s**2 / flexural_rigidity_n_m2) / c**2

@@ -1,9 +1,14 @@
-"""Where surfaces touch and what a pair of them stores: the law of `docs/physics-notes.md`, with the
-intervals that it is stated for, in compiled code.
+"""How deep two surfaces overlap in every cell, on every border between two cells and at every corner of
+four: the depths that the law of `docs/physics-notes.md` is stated for, in compiled code.
 
-A *sample* is the deepest point of one interval of a pair's family. Rows of sample arrays: position in
-the family, depth, point (3), normal from active to passive (3), stiffness, direction in which it
-falls (3, -d ln k/dx, 1/m). All in the active ring's frame.
+A petal has 4 x 2 cells, a ring 32 arcs. For a petal the deepest point of every *ruling* is found first,
+over the half of the ruling that belongs to a row of cells and over all of the other surface; along u
+this profile is looked at in steps and, where its slope changes sign, followed to its highest point.
+Nothing is remembered from call to call, so the depths depend on the pose alone.
+
+An *element* is a cell, a border or a corner; a row of an element array has the columns below. A row with
+an effective depth of nought or less is not filled in further. All in the frame of the surface that is
+divided.
 """
 
 from __future__ import annotations
@@ -13,22 +18,131 @@ import math
 import numpy as np
 from numba import njit
 
-from .vec import add, at3, axpy, chain, cross, dot, mul, norm, put3, sub, transposed, turn, back
+from .vec import add, axpy, back, cross, dot, mul, norm, put3, sub, turn
 
-SAMPLE, PLACE = 12, 18
-# Columns of a place.
-AT, DEPTH, POINT, DIR, COUPLE, ELASTIC, RUBS, SLIDE, SPREAD, ENERGY = 0, 1, 2, 5, 8, 11, 12, 13, 16, 17
+# Columns of an element: effective depth, depth, d(effective)/d(depth), point, normal from the divided
+# surface to the other, parameters of the deepest point (ring: azimuth; petal: u, w and, on a petal, v, t).
+ETA, DEPTH, GAIN, POINT, NORMAL, AT, ELEMENT = 0, 1, 2, 3, 6, 9, 13
+ACROSS, ALONG = 4, 2
+CELLS, BORDERS, CORNERS = 8, 10, 3
+# Cell (i, h): 2 i + h, i across and h along. Borders across u: `SIDE_BORDER` + 2 b + h between columns b
+# and b + 1; along: `ROW_BORDER` + i between the two rows of column i. Corners: `CORNER` + b.
+SIDE_BORDER, ROW_BORDER, CORNER, PETAL_ELEMENTS = 8, 14, 18, 21
+# Arcs, then the borders at which they begin.
+ARCS, RING_ELEMENTS = 32, 64
+MOST_ELEMENTS = 64
 TAU = 2.0 * math.pi
-FAINT = 23.0
-# Pieces into which a ruling is divided where two petals touch.
-PIECES = 5
-# Looks per interval before the deepest point is closed in on.
-LOOKS = 4
+# Looks at a profile per cell, and along the half of a ruling.
+LOOKS, STEPS = 5, 4
+# Looks on the other petal: `COARSE` intervals of `FINE`.
+COARSE, FINE = 5, 4
+# What is this much less deep than nought is followed as if it touched: so gaps are known, m.
+AROUND = 2e-3
+NOTHING = -1e300
+
+_AZIMUTHS = TAU / (4 * ARCS) * np.arange(4 * ARCS)
+_COS, _SIN = np.cos(_AZIMUTHS), np.sin(_AZIMUTHS)
 
 
-# -- cores -----------------------------------------------------------------------------------------
+# -- rings -----------------------------------------------------------------------------------------
+
+
+@njit(cache=True)
+def _towards(c, s, ra, rb, r, p):
+    """Point of the active circle at an azimuth, in the passive ring's frame, how far it stands from
+    that ring's axis, and half the squared distance from its circle."""
+    x = back(r, (-p[0], ra * c - p[1], ra * s - p[2]))
+    rho = math.hypot(x[1], x[2])
+    return x, rho, 0.5 * ((rho - rb) * (rho - rb) + x[0] * x[0])
+
+
+@njit(cache=True)
+def _ring_slope(c, s, ra, rb, r, p):
+    """First and second derivative by the azimuth of half the squared distance."""
+    x, rho, _ = _towards(c, s, ra, rb, r, p)
+    t = back(r, (0.0, -ra * s, ra * c))
+    m = back(r, (0.0, -ra * c, -ra * s))
+    xt, tt = x[1] * t[1] + x[2] * t[2], t[1] * t[1] + t[2] * t[2]
+    along = xt / rho
+    bend = (tt + x[1] * m[1] + x[2] * m[2] - along * along) / rho
+    return (
+        (rho - rb) * along + x[0] * t[0],
+        along * along + (rho - rb) * bend + t[0] * t[0] + x[0] * m[0],
+    )
+
+
+@njit(cache=True)
+def _ring_element(row, phi, ra, ta, rb, tb, r, p):
+    c, s = math.cos(phi), math.sin(phi)
+    x, rho, half = _towards(c, s, ra, rb, r, p)
+    d = max(math.sqrt(2.0 * half), 1e-12)
+    n = turn(r, (-x[0] / d, (rb - rho) / d * x[1] / rho, (rb - rho) / d * x[2] / rho))
+    depth = ta + tb - d
+    row[ETA], row[DEPTH], row[GAIN], row[AT] = depth, depth, 1.0, phi
+    put3(row, POINT, axpy((0.0, ra * c, ra * s), ta - 0.5 * depth, n))
+    put3(row, NORMAL, n)
+
+
+@njit(cache=True)
+def ring_on_ring(out, ra, ta, rb, tb, r, p):
+    """Arcs and borders of the active ring against the passive one posed by (r, p); not smoothed.
+    Returns the largest depth, or what it is surely not above."""
+    n = 4 * ARCS
+    half = np.empty(n)
+    least = 1e300
+    for i in range(n):
+        half[i] = _towards(_COS[i], _SIN[i], ra, rb, r, p)[2]
+        least = min(least, half[i])
+    # Between two looks the square of the distance is lower by no more than this.
+    width = TAU / n
+    dip = 0.25 * (ra * width) ** 2 * (1.0 + math.sqrt(2.0 * least) / ra)
+    reach = ta + tb
+    bound = reach - math.sqrt(max(2.0 * least - dip, 0.0))
+    if bound <= -AROUND:
+        return bound
+    deepest = NOTHING
+    for i in range(ARCS):
+        _ring_element(out[ARCS + i], width * 4 * i, ra, ta, rb, tb, r, p)
+    for i in range(ARCS):
+        best, phi = 1e300, 0.0
+        for j in range(5):
+            f = half[(4 * i + j) % n]
+            if f < best:
+                best, phi = f, width * (4 * i + j)
+        for j in range(4):
+            a, b = 4 * i + j, (4 * i + j + 1) % n
+            if 2.0 * min(half[a], half[b]) - dip > min(2.0 * best, (reach + AROUND) ** 2):
+                continue
+            lo, hi = width * a, width * (a + 1)
+            if _ring_slope(_COS[a], _SIN[a], ra, rb, r, p)[0] >= 0.0:
+                continue
+            if _ring_slope(_COS[b], _SIN[b], ra, rb, r, p)[0] <= 0.0:
+                continue
+            x = 0.5 * (lo + hi)
+            for _ in range(60):
+                slope, curve = _ring_slope(math.cos(x), math.sin(x), ra, rb, r, p)
+                if slope < 0.0:
+                    lo = x
+                else:
+                    hi = x
+                new = x - slope / curve if curve > 0.0 else 0.5 * (lo + hi)
+                if not (lo <= new <= hi):
+                    new = 0.5 * (lo + hi)
+                done = abs(new - x) < 1e-12
+                x = new
+                if done:
+                    break
+            f = _towards(math.cos(x), math.sin(x), ra, rb, r, p)[2]
+            if f < best:
+                best, phi = f, x
+        _ring_element(out[i], phi, ra, ta, rb, tb, r, p)
+        deepest = max(deepest, out[i, ETA])
+    return deepest
+
+
+# -- petals ----------------------------------------------------------------------------------------
 # A petal is (base radius, tip radius, height, base half-angle, tip half-angle, ball radius, EI,
-# azimuth, length of a ruling).
+# azimuth, length of the middle ruling).
 
 
 @njit(cache=True)
@@ -41,6 +155,19 @@ def ruling(g, u):
 
 
 @njit(cache=True)
+def ruling_rates(g, u):
+    """The ruling u, its derivative by u and its second derivative."""
+    a, b = g[7] + u * g[3], g[7] + u * g[4]
+    ca, sa, cb, sb = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
+    foot, tip = (0.0, g[0] * ca, g[0] * sa), (g[2], g[1] * cb, g[1] * sb)
+    x, y = g[0] * g[3], g[1] * g[4]
+    foot1, tip1 = (0.0, -x * sa, x * ca), (0.0, -y * sb, y * cb)
+    x, y = x * g[3], y * g[4]
+    foot2, tip2 = (0.0, -x * ca, -x * sa), (0.0, -y * cb, -y * sb)
+    return foot, sub(tip, foot), foot1, sub(tip1, foot1), foot2, sub(tip2, foot2)
+
+
+@njit(cache=True)
 def petal_ball(g):
     """Radius about the middle of the middle ruling that holds the whole sheet."""
     foot, t = ruling(g, 0.0)
@@ -50,48 +177,117 @@ def petal_ball(g):
 
 
 @njit(cache=True)
-def to_circle(p, radius):
-    """Squared distance of a point from the circle about X."""
-    rho = math.hypot(p[1], p[2])
-    return (rho - radius) * (rho - radius) + p[0] * p[0]
+def _dip(g, du):
+    """Between two rulings du apart the square of a distance is lower than at both by no more than this."""
+    w = max(abs(g[0]) * g[3], abs(g[1]) * g[4]) * du
+    return 0.275 * w * w
 
 
 @njit(cache=True)
-def on_circle(p, radius):
-    """Point of the circle about X nearest to p."""
-    s = radius / math.hypot(p[1], p[2])
-    return (0.0, p[1] * s, p[2] * s)
+def gain(c, e, wa, cb, wb):
+    """(k(s)/k_c)^(1/(n+1)) and the first and second derivatives of its logarithm by w on either petal
+    (aa, ab, bb). `c`, `cb`: k_c s^3/(3EI) at the tips; e = 1/(n+1)."""
+    x = 1.0 + c * wa * wa * wa + cb * wb * wb * wb
+    xa, xb = 3.0 * c * wa * wa / x, 3.0 * cb * wb * wb / x
+    g = 1.0 / math.sqrt(x) if e == 0.5 else x**-e
+    return (
+        g, -e * xa, -e * xb, -e * (6.0 * c * wa / x - xa * xa), e * xa * xb,
+        -e * (6.0 * cb * wb / x - xb * xb),
+    )
+
+
+# A profile is followed for one of three tracks: rows of cells 0 and 1 and, as a row of no width, the
+# border between them.
+@njit(cache=True)
+def _track(h):
+    if h == 2:
+        return 0.5, 0.5
+    return 0.5 * h, 0.5 * h + 0.5
+
+
+# -- a petal against a circle ----------------------------------------------------------------------
 
 
 @njit(cache=True)
-def line_to_circle(foot, t, radius):
-    """Fraction 0..1 of a line's point nearest to the circle: best of five looks, then Newton held
-    between its neighbours."""
-    w, best = 0.0, 1e300
-    for i in range(5):
-        f = to_circle(axpy(foot, 0.25 * i, t), radius)
-        if f < best:
-            w, best = 0.25 * i, f
-    lo, hi = max(w - 0.25, 0.0), min(w + 0.25, 1.0)
-    tyz = t[1] * t[1] + t[2] * t[2]
-    for _ in range(40):
-        p = axpy(foot, w, t)
-        rho = math.hypot(p[1], p[2])
-        along = (p[1] * t[1] + p[2] * t[2]) / rho
-        slope = (rho - radius) * along + p[0] * t[0]
-        if slope < 0.0:
-            lo = w
-        else:
-            hi = w
-        curve = along * along + (rho - radius) * (tyz - along * along) / rho + t[0] * t[0]
-        new = w - slope / curve if curve > 0.0 else 0.5 * (lo + hi)
-        if not (lo <= new <= hi):
-            new = 0.5 * (lo + hi)
-        done = abs(new - w) < 1e-9
-        w = new
-        if done:
-            break
-    return w
+def _from_circle(foot, t, w, radius):
+    """Point of a line, its distance from the axis, half its squared distance from the circle."""
+    x = axpy(foot, w, t)
+    rho = math.hypot(x[1], x[2])
+    return x, rho, 0.5 * ((rho - radius) * (rho - radius) + x[0] * x[0])
+
+
+@njit(cache=True)
+def _best_on_ruling(foot, t, lo, hi, radius, reach, c, e):
+    """Where a ruling's effective depth against the circle is largest: (effective depth, w). The circle's
+    frame."""
+    x, rho, f = _from_circle(foot, t, lo, radius)
+    if lo == hi:
+        return (reach - math.sqrt(2.0 * f)) * gain(c, e, lo, 0.0, 0.0)[0], lo
+    h = (hi - lo) / STEPS
+    f0 = f
+    f1 = _from_circle(foot, t, lo + h, radius)[2]
+    f2 = _from_circle(foot, t, lo + 2.0 * h, radius)[2]
+    f3 = _from_circle(foot, t, lo + 3.0 * h, radius)[2]
+    f4 = _from_circle(foot, t, hi, radius)[2]
+    fs = (f0, f1, f2, f3, f4)
+    tt = dot(t, t)
+    least = min(min(f0, f1), min(f2, min(f3, f4)))
+    limit = least + 0.125 * h * h * tt
+    # The gain may move the place by a few millimetres where the distance hardly changes.
+    limit += 1e-6
+    best, at = NOTHING, lo
+    for j in range(STEPS + 1):
+        f = fs[j]
+        if f > limit or (j > 0 and fs[j - 1] < f) or (j < STEPS and fs[j + 1] < f):
+            continue
+        a, b = max(lo + (j - 1) * h, lo), min(lo + (j + 1) * h, hi)
+        w = lo + j * h
+        tyz = t[1] * t[1] + t[2] * t[2]
+        for _ in range(60):
+            x, rho, f = _from_circle(foot, t, w, radius)
+            d = math.sqrt(2.0 * f)
+            along = (x[1] * t[1] + x[2] * t[2]) / rho
+            g, g1, _, g11, _, _ = gain(c, e, w, 0.0, 0.0)
+            first = (rho - radius) * along + x[0] * t[0]
+            slope = first - d * (reach - d) * g1
+            if slope < 0.0:
+                a = w
+            else:
+                b = w
+            curve = along * along + (rho - radius) * (tyz - along * along) / rho + t[0] * t[0]
+            curve -= d * (reach - d) * g11 + (reach - 2.0 * d) * (first / max(d, 1e-12)) * g1
+            new = w - slope / curve if curve > 0.0 else 0.5 * (a + b)
+            if (w == lo and slope >= 0.0) or (w == hi and slope <= 0.0):
+                break
+            if not (a <= new <= b):
+                new = 0.5 * (a + b)
+            done = abs(new - w) < 1e-11
+            w = new
+            if done:
+                break
+        f = _from_circle(foot, t, w, radius)[2]
+        eta = (reach - math.sqrt(2.0 * f)) * gain(c, e, w, 0.0, 0.0)[0]
+        if eta > best:
+            best, at = eta, w
+    return best, at
+
+
+@njit(cache=True)
+def _on_circle(u, h, g, radius, reach, c, e, r, p):
+    """A ruling's largest effective depth against the circle of the ring posed by (r, p), where, and its
+    slope along u."""
+    foot, t, foot1, t1, _, _ = ruling_rates(g, u)
+    foot, t = back(r, sub(foot, p)), back(r, t)
+    lo, hi = _track(h)
+    eta, w = _best_on_ruling(foot, t, lo, hi, radius, reach, c, e)
+    x, rho, f = _from_circle(foot, t, w, radius)
+    d = max(math.sqrt(2.0 * f), 1e-12)
+    xu = back(r, axpy(foot1, w, t1))
+    away = (rho - radius) * (x[1] * xu[1] + x[2] * xu[2]) / rho + x[0] * xu[0]
+    return eta, w, -gain(c, e, w, 0.0, 0.0)[0] * away / d
+
+
+# -- a petal against a petal -----------------------------------------------------------------------
 
 
 @njit(cache=True)
@@ -101,471 +297,387 @@ def line_to_line(p, d, q, e):
     a, b, c = dot(d, d), dot(d, e), dot(e, e)
     f, g = dot(d, r), dot(e, r)
     det = a * c - b * b
-    s = min(max((b * g - c * f) / det, 0.0), 1.0) if det > 1e-14 * a * c else 0.5
+    s = 0.0
+    if det > 1e-14 * a * c:
+        s = min(max((b * g - c * f) / det, 0.0), 1.0)
+    elif a > 0.0:
+        s = 0.5
     t = (b * s + g) / c
     if t < 0.0:
         t = 0.0
-        s = min(max(-f / a, 0.0), 1.0)
+        s = min(max(-f / a, 0.0), 1.0) if a > 0.0 else 0.0
     elif t > 1.0:
         t = 1.0
-        s = min(max((b - f) / a, 0.0), 1.0)
+        s = min(max((b - f) / a, 0.0), 1.0) if a > 0.0 else 0.0
     return s, t
 
 
 @njit(cache=True)
-def along_first(a, b):
-    """How the point where two lines cross moves along the first as the second is displaced."""
-    c = dot(a, b)
-    return mul(axpy(a, -c, b), 1.0 / max(1.0 - c * c, 0.1))
-
-
-# -- samples ---------------------------------------------------------------------------------------
-
-
-@njit(cache=True)
-def _ring_depth(u, ra, rb, reach, r, p):
-    a = (0.0, ra * math.cos(u), ra * math.sin(u))
-    return reach - math.sqrt(to_circle(back(r, sub(a, p)), rb))
-
-
-@njit(cache=True)
-def ring_on_ring(out, m, ra, ta, rb, tb, k, r, p, apart):
-    """Samples of two rings, m intervals of the active circle's azimuth. Returns the depth that is
-    surely not exceeded; samples are written when that is above -apart."""
-    reach = ta + tb
-    bound = reach + rb * math.sqrt(max(1.0 - r[0][0] * r[0][0], 0.0)) - abs(p[0])
-    if bound < -apart:
-        return bound
-    width = TAU / m
-    n = m * LOOKS
-    top = -1e300
-    d = np.empty(n)
-    for i in range(n):
-        d[i] = _ring_depth(i * width / LOOKS, ra, rb, reach, r, p)
-        top = max(top, d[i])
-    bound = top + 0.5 * ra * width / LOOKS
-    if bound < -apart:
-        return bound
-    for i in range(m):
-        best, u = -1e300, 0.0
-        for j in range(LOOKS + 1):
-            x = d[(i * LOOKS + j) % n]
-            if x > best:
-                best, u = x, (i + j / LOOKS) * width
-        if best > top - 2e-3 or best > -1e-3:
-            u = _close_in_ring(u, i * width, (i + 1) * width, width / LOOKS, ra, rb, reach, r, p)
-        a = (0.0, ra * math.cos(u), ra * math.sin(u))
-        b = add(turn(r, on_circle(back(r, sub(a, p)), rb)), p)
-        gap = sub(b, a)
-        dist = norm(gap)
-        normal = mul(gap, 1.0 / dist)
-        depth = reach - dist
-        out[i, 0] = u
-        out[i, 1] = depth
-        put3(out[i], 2, axpy(a, ta - 0.5 * depth, normal))
-        put3(out[i], 5, normal)
-        out[i, 8] = k
-        put3(out[i], 9, (0.0, 0.0, 0.0))
-    return bound
+def _solve4(m, y, free, shift, step):
+    """Cholesky of the free rows and columns with a shift; False where it is not positive definite."""
+    l = np.zeros((4, 4))
+    for i in range(4):
+        if not free[i]:
+            continue
+        for j in range(i + 1):
+            if not free[j]:
+                continue
+            v = m[i, j]
+            if i == j:
+                v += shift
+            for k in range(j):
+                v -= l[i, k] * l[j, k]
+            if i == j:
+                if v <= 1e-14:
+                    return False
+                l[i, i] = math.sqrt(v)
+            else:
+                l[i, j] = v / l[j, j]
+    for i in range(4):
+        step[i] = 0.0
+        if free[i]:
+            v = y[i]
+            for k in range(i):
+                v -= l[i, k] * step[k]
+            step[i] = v / l[i, i]
+    for i in range(3, -1, -1):
+        if free[i]:
+            v = step[i]
+            for k in range(i + 1, 4):
+                v -= l[k, i] * step[k]
+            step[i] = v / l[i, i]
+    return True
 
 
 @njit(cache=True)
-def _peak(l, m, r):
-    """Where between -1 and 1 the parabola through three depths is highest."""
-    c = r - 2.0 * m + l
-    if c < 0.0:
-        return min(max(0.5 * (l - r) / c, -1.0), 1.0)
-    return 1.0 if r > l else -1.0
+def _sheets(z, ga, gb, r, p):
+    """Effective depth without its gain: distance and points of two sheets at (u, w, v, t)."""
+    fa, ta = ruling(ga, z[0])
+    fb, tb = ruling(gb, z[2])
+    x = axpy(fa, z[1], ta)
+    y = add(turn(r, axpy(fb, z[3], tb)), p)
+    return x, y
 
 
 @njit(cache=True)
-def _close_in_ring(u, lo, hi, h, ra, rb, reach, r, p):
-    """Three parabolas, each ten times narrower than the one before."""
-    best = _ring_depth(u, ra, rb, reach, r, p)
-    for _ in range(3):
-        a, b = max(u - h, lo), min(u + h, hi)
-        mid = 0.5 * (a + b)
-        w = 0.5 * (b - a)
-        t = mid + w * _peak(
-            _ring_depth(a, ra, rb, reach, r, p),
-            _ring_depth(mid, ra, rb, reach, r, p),
-            _ring_depth(b, ra, rb, reach, r, p),
+def climb(z, lo, hi, ga, gb, ca, cb, e, r, p):
+    """Largest effective depth near z = (u, w, v, t) within the box, by Newton's method on
+    D dD = D delta d(ln gain), D the distance. Returns it and its slope along u; z moves there."""
+    reach = ga[5] + gb[5]
+    m, y, step, trial = np.empty((4, 4)), np.empty(4), np.empty(4), np.empty(4)
+    free = np.empty(4, dtype=np.bool_)
+    shift = 0.0
+    value, slope = NOTHING, 0.0
+    for _ in range(60):
+        f, t, f1, t1, f2, t2 = ruling_rates(ga, z[0])
+        x, xu, xw, xuu, xuw = axpy(f, z[1], t), axpy(f1, z[1], t1), t, axpy(f2, z[1], t2), t1
+        f, t, f1, t1, f2, t2 = ruling_rates(gb, z[2])
+        q = add(turn(r, axpy(f, z[3], t)), p)
+        yv, yt = turn(r, axpy(f1, z[3], t1)), turn(r, t)
+        yvv, yvt = turn(r, axpy(f2, z[3], t2)), turn(r, t1)
+        gap = sub(x, q)
+        d = max(norm(gap), 1e-12)
+        delta = reach - d
+        g, la, lb, laa, lab, lbb = gain(ca, e, z[1], cb, z[3])
+        value, slope = delta * g, -g * dot(gap, xu) / d
+        dd = d * delta
+        y[0], y[1] = dot(gap, xu), dot(gap, xw) - dd * la
+        y[2], y[3] = -dot(gap, yv), -dot(gap, yt) - dd * lb
+        bend = (reach - 2.0 * d) * delta
+        m[0, 0], m[1, 0], m[1, 1] = dot(xu, xu) + dot(gap, xuu), dot(xu, xw) + dot(gap, xuw), (
+            dot(xw, xw) - dd * laa - bend * la * la
         )
-        x = _ring_depth(t, ra, rb, reach, r, p)
-        if x > best:
-            best, u = x, t
-        h *= 0.15
-    return u
-
-
-@njit(cache=True)
-def _ruling_depth(u, g, radius, reach, r, p):
-    """Depth of a ruling against the circle of the frame posed by (r, p) in the petal's frame."""
-    foot, t = ruling(g, u)
-    foot, t = back(r, sub(foot, p)), back(r, t)
-    w = line_to_circle(foot, t, radius)
-    return reach - math.sqrt(to_circle(axpy(foot, w, t), radius))
-
-
-@njit(cache=True)
-def petal_on_ring(out, m, g, radius, tube, kc, r, p, apart):
-    """Samples of a petal and a ring posed by (r, p) in the petal's ring frame; m intervals across
-    the rulings. In the petal's frame, normals from petal to ring."""
-    reach = g[5] + tube
-    foot, t = ruling(g, 0.0)
-    ball = petal_ball(g)
-    mid = back(r, sub(axpy(foot, 0.5, t), p))
-    bound = reach + ball - math.sqrt(to_circle(mid, radius))
-    if bound < -apart:
-        return bound
-    width = 2.0 / m
-    n = m * LOOKS + 1
-    d = np.empty(n)
-    top = -1e300
-    for i in range(n):
-        d[i] = _ruling_depth(-1.0 + i * width / LOOKS, g, radius, reach, r, p)
-        top = max(top, d[i])
-    bound = top + 0.5 * width / LOOKS * max(abs(g[0]) * g[3], abs(g[1]) * g[4])
-    if bound < -apart:
-        return bound
-    for i in range(m):
-        best, u = -1e300, 0.0
-        for j in range(LOOKS + 1):
-            if d[i * LOOKS + j] > best:
-                best, u = d[i * LOOKS + j], -1.0 + (i + j / LOOKS) * width
-        lo, hi, h = -1.0 + i * width, -1.0 + (i + 1) * width, width / LOOKS
-        if best > top - 2e-3 or best > -1e-3:
-            for _ in range(3):
-                a, b = max(u - h, lo), min(u + h, hi)
-                c, w2 = 0.5 * (a + b), 0.5 * (b - a)
-                x = c + w2 * _peak(
-                    _ruling_depth(a, g, radius, reach, r, p),
-                    _ruling_depth(c, g, radius, reach, r, p),
-                    _ruling_depth(b, g, radius, reach, r, p),
-                )
-                f = _ruling_depth(x, g, radius, reach, r, p)
-                if f > best:
-                    best, u = f, x
-                h *= 0.15
-        foot, t = ruling(g, u)
-        local, lt = back(r, sub(foot, p)), back(r, t)
-        w = line_to_circle(local, lt, radius)
-        q_local = on_circle(axpy(local, w, lt), radius)
-        tangent = turn(r, (0.0, -q_local[2] / radius, q_local[1] / radius))
-        x, q = axpy(foot, w, t), add(turn(r, q_local), p)
-        gap = sub(q, x)
-        dist = norm(gap)
-        normal = mul(gap, 1.0 / dist)
-        depth = reach - dist
-        s = w * g[8]
-        k = 1.0 / (1.0 / kc + s * s * s / (3.0 * g[6]))
-        out[i, 0] = u
-        out[i, 1] = depth
-        put3(out[i], 2, axpy(x, g[5] - 0.5 * depth, normal))
-        put3(out[i], 5, normal)
-        out[i, 8] = k
-        soft = (0.0, 0.0, 0.0)
-        if 0.0 < w < 1.0:
-            soft = mul(along_first(mul(t, 1.0 / norm(t)), tangent), k * s * s / g[6])
-        put3(out[i], 9, soft)
-    return bound
-
-
-@njit(cache=True)
-def _pair_depth(u, v, ga, gb, r, p):
-    fa, ta = ruling(ga, u)
-    fb, tb = ruling(gb, v)
-    fb, tb = add(turn(r, fb), p), turn(r, tb)
-    s, t = line_to_line(fa, ta, fb, tb)
-    return ga[5] + gb[5] - norm(sub(axpy(fb, t, tb), axpy(fa, s, ta)))
-
-
-@njit(cache=True)
-def _climb(u, v, lo, hi, h, ga, gb, r, p):
-    """Deepest pair of rulings near (u, v), the first held between lo and hi."""
-    best = _pair_depth(u, v, ga, gb, r, p)
-    while h > 1e-5:
-        bu, bv, moved = u, v, False
-        for a in range(-1, 2):
-            for b in range(-1, 2):
-                x = min(max(u + a * h, lo), hi)
-                y = min(max(v + b * h, -1.0), 1.0)
-                if x == u and y == v:
-                    continue
-                f = _pair_depth(x, y, ga, gb, r, p)
-                if f > best + 1e-12:
-                    best, bu, bv, moved = f, x, y, True
-        u, v = bu, bv
+        m[2, 0], m[2, 1], m[2, 2] = -dot(yv, xu), -dot(yv, xw), dot(yv, yv) - dot(gap, yvv)
+        m[3, 0], m[3, 1] = -dot(yt, xu), -dot(yt, xw) - dd * lab - bend * la * lb
+        m[3, 2], m[3, 3] = dot(yt, yv) - dot(gap, yvt), dot(yt, yt) - dd * lbb - bend * lb * lb
+        any_free, steep = False, 0.0
+        for i in range(4):
+            held = hi[i] <= lo[i] or (z[i] <= lo[i] and y[i] >= 0.0) or (z[i] >= hi[i] and y[i] <= 0.0)
+            free[i] = not held
+            if free[i]:
+                any_free, steep = True, max(steep, abs(y[i]))
+        if not any_free or steep < 1e-13:
+            break
+        moved, size = False, 0.0
+        for _ in range(40):
+            if _solve4(m, y, free, shift, step):
+                size = 0.0
+                for i in range(4):
+                    trial[i] = min(max(z[i] - step[i], lo[i]), hi[i]) if free[i] else z[i]
+                    size = max(size, abs(trial[i] - z[i]))
+                a, b = _sheets(trial, ga, gb, r, p)
+                new = (reach - norm(sub(b, a))) * gain(ca, e, trial[1], cb, trial[3])[0]
+                # Where only rounding is left to gain the step is taken.
+                if new > value or (size < 1e-7 and new > value - 1e-15):
+                    moved = True
+                    break
+            shift = max(10.0 * shift, 1e-6)
         if not moved:
-            h *= 0.3
-    return best, u, v
+            break
+        shift = 0.1 * shift if shift > 1e-7 else 0.0
+        z[:] = trial
+        if size < 1e-11:
+            break
+    return value, slope
 
 
 @njit(cache=True)
-def petal_on_petal(out, ga, gb, kc, eps, r, p, apart, known, warm):
-    """Samples of two petals: the deepest pair of rulings with the active one in either half of its
-    petal, the active ruling cut in PIECES. `warm` keeps the rulings found; with `known` the search
-    starts from them. Returns the bound and the number of samples."""
-    fa, ta = ruling(ga, 0.0)
-    fb, tb = ruling(gb, 0.0)
-    ma, mb = axpy(fa, 0.5, ta), add(turn(r, axpy(fb, 0.5, tb)), p)
-    ball = petal_ball(ga) + petal_ball(gb)
-    bound = ga[5] + gb[5] + ball - norm(sub(mb, ma))
-    if bound < -apart:
-        return bound, 0
-    # Table of both petals' rulings, nine each.
-    n = 9
-    h0 = 2.0 / (n - 1)
-    best2, us, vs = np.empty(2), np.empty(2), np.empty(2)
-    if known:
-        for half in range(2):
-            lo, hi = (-1.0, 0.0) if half == 0 else (0.0, 1.0)
-            best2[half], us[half], vs[half] = _climb(
-                warm[2 * half], warm[2 * half + 1], lo, hi, 4e-3, ga, gb, r, p
-            )
-            warm[2 * half], warm[2 * half + 1] = us[half], vs[half]
+def _fan(gb, r, p, feet, vectors):
+    """Rulings of the other petal at the looks, in the divided one's frame."""
+    n = COARSE * FINE
+    for j in range(n + 1):
+        f, t = ruling(gb, -1.0 + 2.0 * j / n)
+        put3(feet[j], 0, add(turn(r, f), p))
+        put3(vectors[j], 0, turn(r, t))
+
+
+@njit(cache=True)
+def _ruling_gap(foot, t, lo, hi, feet, vectors, j):
+    """Square of the distance from a piece of a ruling to ruling j of the fan, and where."""
+    fb, tb = (feet[j, 0], feet[j, 1], feet[j, 2]), (vectors[j, 0], vectors[j, 1], vectors[j, 2])
+    a = axpy(foot, lo, t)
+    s, q = line_to_line(a, mul(t, hi - lo), fb, tb)
+    w = lo + s * (hi - lo)
+    gap = sub(axpy(foot, w, t), axpy(fb, q, tb))
+    return dot(gap, gap), w, q
+
+
+@njit(cache=True)
+def _look(foot, t, lo, hi, feet, vectors, dips, limit, sq, ws, ts):
+    """Squares of the distances of a piece of a ruling from the fan; those surely above the limit (less the
+    finer dip) are left out. Returns what no ruling of the other petal is nearer than, squared."""
+    n = COARSE * FINE
+    for j in range(n + 1):
+        sq[j] = 1e300
+    for i in range(COARSE + 1):
+        j = FINE * i
+        sq[j], ws[j], ts[j] = _ruling_gap(foot, t, lo, hi, feet, vectors, j)
+    least = 1e300
+    for i in range(COARSE):
+        a = FINE * i
+        low = min(sq[a], sq[a + FINE]) - dips[0]
+        if low > limit:
+            least = min(least, low)
+            continue
+        for j in range(a + 1, a + FINE):
+            sq[j], ws[j], ts[j] = _ruling_gap(foot, t, lo, hi, feet, vectors, j)
+        for j in range(a, a + FINE):
+            least = min(least, min(sq[j], sq[j + 1]) - dips[1])
+    return least
+
+
+@njit(cache=True)
+def _on_sheet(u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, limit, sq, ws, ts, z, lo, hi, keep):
+    """A ruling's largest effective depth against the other petal, and its slope along u; z says where.
+    Fourth: squared distance that it is surely beyond, where that is above the limit (and then no depth
+    was sought)."""
+    foot, t = ruling(ga, u)
+    a, b = _track(h)
+    least = _look(foot, t, a, b, feet, vectors, dips, limit, sq, ws, ts)
+    if least > limit:
+        return NOTHING, 0.0, least
+    n = COARSE * FINE
+    low = 1e300
+    for j in range(n + 1):
+        low = min(low, sq[j])
+    best, slope = NOTHING, 0.0
+    step = 2.0 / n
+    lo[0], hi[0], lo[1], hi[1], lo[3], hi[3] = u, u, a, b, 0.0, 1.0
+    for j in range(n + 1):
+        if sq[j] > low + dips[1] + 2e-6 or (j > 0 and sq[j - 1] < sq[j]) or (
+            j < n and sq[j + 1] < sq[j]
+        ):
+            continue
+        v = -1.0 + j * step
+        lo[2], hi[2] = max(v - 1.5 * step, -1.0), min(v + 1.5 * step, 1.0)
+        keep[0], keep[1], keep[2], keep[3] = u, ws[j], v, ts[j]
+        f, s = climb(keep, lo, hi, ga, gb, ca, cb, e, r, p)
+        if f > best:
+            best, slope = f, s
+            z[:] = keep
+    return best, slope, least
+
+
+@njit(cache=True)
+def _beside(u, h, z, ga, gb, ca, cb, e, r, p, lo, hi):
+    """As `_on_sheet`, from a place on a ruling beside it; z moves."""
+    lo[0], hi[0], lo[3], hi[3] = u, u, 0.0, 1.0
+    lo[1], hi[1] = _track(h)
+    lo[2], hi[2] = max(z[2] - 0.2, -1.0), min(z[2] + 0.2, 1.0)
+    z[0] = u
+    return climb(z, lo, hi, ga, gb, ca, cb, e, r, p)
+
+
+# -- elements of a petal ---------------------------------------------------------------------------
+
+
+@njit(cache=True)
+def _circle_element(row, u, w, g, radius, reach, c, e, r, p):
+    foot, t = ruling(g, u)
+    x = axpy(foot, w, t)
+    local = back(r, sub(x, p))
+    s = radius / math.hypot(local[1], local[2])
+    gap = sub(add(turn(r, (0.0, local[1] * s, local[2] * s)), p), x)
+    _fill(row, x, gap, g[5], reach, gain(c, e, w, 0.0, 0.0)[0])
+    row[AT], row[AT + 1], row[AT + 2], row[AT + 3] = u, w, 0.0, 0.0
+
+
+@njit(cache=True)
+def _fill(row, x, gap, ball, reach, g):
+    d = max(norm(gap), 1e-12)
+    n = mul(gap, 1.0 / d)
+    depth = reach - d
+    row[ETA], row[DEPTH], row[GAIN] = depth * g, depth, g
+    put3(row, POINT, axpy(x, ball - 0.5 * depth, n))
+    put3(row, NORMAL, n)
+
+
+@njit(cache=True)
+def _raise(out, i, eta, z):
+    """Takes a point as the deepest of an element if it is."""
+    if eta > out[i, ETA]:
+        out[i, ETA] = eta
+        out[i, AT : AT + 4] = z
+
+
+@njit(cache=True)
+def petal_elements(out, sheet, ga, gb, kc, exponent, r, p):
+    """Cells, borders and corners of a petal against a petal (`sheet`) or a ring (gb[0], gb[5]) posed by
+    (r, p) in the petal's ring frame. Returns the largest effective depth, or what it is surely not
+    above."""
+    reach = ga[5] + gb[5]
+    e = 1.0 / (exponent + 1.0)
+    ca = kc * ga[8] ** 3 / (3.0 * ga[6])
+    cb = kc * gb[8] ** 3 / (3.0 * gb[6]) if sheet else 0.0
+    foot, t = ruling(ga, 0.0)
+    mid = axpy(foot, 0.5, t)
+    if sheet:
+        foot, t = ruling(gb, 0.0)
+        away = norm(sub(add(turn(r, axpy(foot, 0.5, t)), p), mid)) - petal_ball(gb)
     else:
-        table = np.empty((n, n))
-        top = -1e300
-        for i in range(n):
-            fa, ta = ruling(ga, -1.0 + i * h0)
-            for j in range(n):
-                fb, tb = ruling(gb, -1.0 + j * h0)
-                fb, tb = add(turn(r, fb), p), turn(r, tb)
-                s, t = line_to_line(fa, ta, fb, tb)
-                table[i, j] = ga[5] + gb[5] - norm(sub(axpy(fb, t, tb), axpy(fa, s, ta)))
-                top = max(top, table[i, j])
-        cover = 0.5 * h0 * (
-            max(abs(ga[0]) * ga[3], abs(ga[1]) * ga[4]) + max(abs(gb[0]) * gb[3], abs(gb[1]) * gb[4])
-        )
-        bound = top + cover
-        if bound < -apart:
-            return bound, 0
-        for half in range(2):
-            first, last = (0, n // 2) if half == 0 else (n // 2, n - 1)
-            lo, hi = -1.0 + first * h0, -1.0 + last * h0
-            best, u, v = -1e300, 0.0, 0.0
-            for i in range(first, last + 1):
-                for j in range(n):
-                    if table[i, j] > best:
-                        best, u, v = table[i, j], -1.0 + i * h0, -1.0 + j * h0
-            best2[half], us[half], vs[half] = _climb(u, v, lo, hi, 0.5 * h0, ga, gb, r, p)
-            warm[2 * half], warm[2 * half + 1] = us[half], vs[half]
-    count = 0
-    top = max(best2[0], best2[1])
-    for half in range(2):
-        if best2[half] < top - 40.0 * eps:
-            continue
-        u, v = us[half], vs[half]
-        fa, ta = ruling(ga, u)
-        fb, tb = ruling(gb, v)
-        fb, tb = add(turn(r, fb), p), turn(r, tb)
-        ua, ub = mul(ta, 1.0 / norm(ta)), mul(tb, 1.0 / norm(tb))
-        for i in range(PIECES):
-            foot, t = axpy(fa, i / PIECES, ta), mul(ta, 1.0 / PIECES)
-            s, w = line_to_line(foot, t, fb, tb)
-            x, q = axpy(foot, s, t), axpy(fb, w, tb)
-            gap = sub(q, x)
-            dist = max(norm(gap), 1e-12)
-            normal = mul(gap, 1.0 / dist)
-            depth = ga[5] + gb[5] - dist
-            fraction = (i + s) / PIECES
-            sa, sb = fraction * ga[8], w * gb[8]
-            k = 1.0 / (1.0 / kc + sa * sa * sa / (3.0 * ga[6]) + sb * sb * sb / (3.0 * gb[6]))
-            soft = (0.0, 0.0, 0.0)
-            if 0.0 < fraction < 1.0:
-                soft = axpy(soft, k * sa * sa / ga[6], along_first(ua, ub))
-            if 0.0 < w < 1.0:
-                soft = axpy(soft, -k * sb * sb / gb[6], along_first(ub, ua))
-            row = out[count]
-            row[0], row[1] = u, depth
-            put3(row, 2, axpy(x, ga[5] - 0.5 * depth, normal))
-            put3(row, 5, normal)
-            row[8] = k
-            put3(row, 9, soft)
-            count += 1
-    return bound, count
-
-
-@njit(cache=True)
-def to_active(out, m, r, p):
-    """Samples of a passive petal, measured petal first in its own frame, as seen from the active
-    ring: (r, p) poses the passive frame in the active one, normals turn round."""
-    for i in range(m):
-        row = out[i]
-        put3(row, 2, add(turn(r, at3(row, 2)), p))
-        put3(row, 5, mul(turn(r, at3(row, 5)), -1.0))
-        put3(row, 9, mul(turn(r, at3(row, 9)), -1.0))
-
-
-# -- merging ---------------------------------------------------------------------------------------
-
-
-@njit(cache=True)
-def elastic(exponent, k, d):
-    """Force of the stored energy, N."""
-    if d <= 0.0:
-        return 0.0
-    return k * d if exponent == 1.0 else k * d**exponent
-
-
-@njit(cache=True)
-def energy(exponent, k, d):
-    """Stored energy, J."""
-    return elastic(exponent, k, d) * d / (exponent + 1.0) if d > 0.0 else 0.0
-
-
-@njit(cache=True)
-def soft(samples, n, side, want, eps, row):
-    """Soft maximum of the samples with side == want into `row`; (depth, stiffness)."""
-    top = -1e300
+        x = back(r, sub(mid, p))
+        away = math.hypot(math.hypot(x[1], x[2]) - gb[0], x[0])
+    bound = reach - (away - petal_ball(ga))
+    if bound <= -AROUND:
+        return bound
+    width = 2.0 / (ACROSS * LOOKS)
+    n = ACROSS * LOOKS + 1
+    # What is beyond this is no deeper than -AROUND, on this ruling or between it and the next.
+    dip = _dip(ga, width)
+    limit = (reach + AROUND) ** 2 + dip
+    feet, vectors = np.empty((COARSE * FINE + 1, 3)), np.empty((COARSE * FINE + 1, 3))
+    sq, ws, ts = np.empty(COARSE * FINE + 1), np.empty(COARSE * FINE + 1), np.empty(COARSE * FINE + 1)
+    dips = (0.0, 0.0)
+    if sheet:
+        _fan(gb, r, p, feet, vectors)
+        dips = (_dip(gb, 2.0 / COARSE), _dip(gb, 2.0 / (COARSE * FINE)))
+    z, lo, hi, keep = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    eta, slope, far = np.empty(n), np.empty(n), np.empty(n, dtype=np.bool_)
+    zs = np.zeros((n, 4))
+    for i in range(PETAL_ELEMENTS):
+        out[i, ETA] = NOTHING
+    top = -AROUND
+    whole_far, nearest, any_near = np.empty(n, dtype=np.bool_), 1e300, False
     for i in range(n):
-        if side[i] == want or want < 0:
-            top = max(top, samples[i, 1])
-    if top == -1e300:
-        return top, 0.0
-    total = k = c2 = 0.0
-    zero = (0.0, 0.0, 0.0)
-    point, direction, torque, slide = zero, zero, zero, zero
-    best = -1e300
-    for i in range(n):
-        if not (side[i] == want or want < 0):
-            continue
-        x = (samples[i, 1] - top) / eps
-        if x < -FAINT:
-            continue
-        w = math.exp(x)
-        c, nrm = at3(samples[i], 2), at3(samples[i], 5)
-        total += w
-        k += w * samples[i, 8]
-        point = axpy(point, w, c)
-        c2 += w * dot(c, c)
-        direction = axpy(direction, w, nrm)
-        torque = axpy(torque, w, cross(c, nrm))
-        slide = axpy(slide, w, at3(samples[i], 9))
-        if samples[i, 1] > best:
-            best = samples[i, 1]
-            row[AT] = samples[i, 0]
-    s = 1.0 / total
-    point, direction = mul(point, s), mul(direction, s)
-    row[DEPTH] = top + eps * math.log(total)
-    put3(row, POINT, point)
-    put3(row, DIR, direction)
-    put3(row, COUPLE, sub(mul(torque, s), cross(point, direction)))
-    put3(row, SLIDE, mul(slide, s))
-    row[SPREAD] = math.sqrt(max(c2 * s - dot(point, point), 0.0))
-    row[RUBS] = 1.0
-    return row[DEPTH], k * s
-
-
-@njit(cache=True)
-def _soft_max(a, b, eps):
-    """Soft maximum of two depths and its derivative by the first."""
-    if b == -1e300:
-        return a, 1.0
-    top = max(a, b)
-    ea, eb = math.exp((a - top) / eps), math.exp((b - top) / eps)
-    return top + eps * math.log(ea + eb), ea / (ea + eb)
-
-
-@njit(cache=True)
-def _valley(samples, n, i, j):
-    """Lowest sample on the way up from i to j, both left out; -1 when they are neighbours."""
-    low, at = 1e300, -1
-    x = (i + 1) % n
-    while x != j:
-        if samples[x, 1] < low:
-            low, at = samples[x, 1], x
-        x = (x + 1) % n
-    return at
-
-
-@njit(cache=True)
-def _scale_slide(row, e):
-    row[SLIDE] *= e
-    row[SLIDE + 1] *= e
-    row[SLIDE + 2] *= e
-
-
-@njit(cache=True)
-def merge(samples, n, closed, two, eps, exponent, out):
-    """Places of one pair into `out`: rows 0 and 1 push and rub, further rows are saddles. Returns
-    (depth of everything, rows that push, all rows)."""
-    side = np.zeros(n, dtype=np.int64)
-    depth, k = soft(samples, n, side, -1, eps, out[0])
-    if depth <= 0.0:
-        return depth, 0, 0
-    u_all = energy(exponent, k, depth)
-    f_all = elastic(exponent, k, depth)
-    top = 0
-    for i in range(n):
-        if samples[i, 1] > samples[top, 1]:
-            top = i
-    # The peak that stands out most above its higher saddle, in stored energy.
-    second, inner, outer, most = -1, -1, -1, 0.0
-    if two:
-        for j in range(n):
-            d = samples[j, 1]
-            if j == top or d <= 0.0:
-                continue
-            if (j > 0 or closed) and samples[(j - 1) % n, 1] > d:
-                continue
-            if (j < n - 1 or closed) and samples[(j + 1) % n, 1] > d:
-                continue
-            lo, hi = min(top, j), max(top, j)
-            x = _valley(samples, n, lo, hi)
-            y = _valley(samples, n, hi, lo) if closed else -1
-            if x < 0 or (closed and y < 0):
-                continue
-            saddle = max(samples[x, 1], samples[y, 1] if y >= 0 else -1e300, 0.0)
-            stands = d * d - saddle * saddle
-            if stands > most:
-                most, second, inner, outer = stands, j, x, y
-    if second < 0:
-        out[0, ELASTIC], out[0, ENERGY] = f_all, u_all
-        _scale_slide(out[0], u_all)
-        return depth, 1, 1
-    lo, hi = min(top, second), max(top, second)
-    for i in range(n):
-        if outer < 0:
-            side[i] = 1 if i >= inner else 0
-        elif outer < lo:
-            side[i] = 1 if (i >= inner or i < outer) else 0
+        # The ruling as a whole, before its halves.
+        u = -1.0 + i * width
+        foot, t = ruling(ga, u)
+        if sheet:
+            least = _look(foot, t, 0.0, 1.0, feet, vectors, dips, limit, sq, ws, ts)
         else:
-            side[i] = 1 if inner <= i < outer else 0
-    da_soft, ka = soft(samples, n, side, 0, eps, out[0])
-    db_soft, kb = soft(samples, n, side, 1, eps, out[1])
-    ua, ub = energy(exponent, ka, da_soft), energy(exponent, kb, db_soft)
-    da, db = samples[lo, 1], samples[hi, 1]
-    lower, wa = _soft_max(-da, -db, eps)
-    lower = max(-lower, 1e-12)
-    saddle, w_in = _soft_max(samples[inner, 1], samples[outer, 1] if outer >= 0 else -1e300, eps)
-    saddle = max(saddle, 0.0)
-    sigma = min(saddle / lower, 1.0)
-    c = sigma * sigma
-    excess = ua + ub - u_all
-    pull = -2.0 * sigma * excess / lower if sigma < 1.0 else 0.0
-    lift = 2.0 * c * excess / lower if sigma < 1.0 else 0.0
-    sa, sb = math.exp((da_soft - depth) / eps), math.exp((db_soft - depth) / eps)
-    fa = (1.0 - c) * elastic(exponent, ka, da_soft) + c * f_all * sa + lift * wa
-    fb = (1.0 - c) * elastic(exponent, kb, db_soft) + c * f_all * sb + lift * (1.0 - wa)
-    ga, gb = max(da - saddle, 0.0) + 1e-12, max(db - saddle, 0.0) + 1e-12
-    ea, eb = (1.0 - c) * ua + c * u_all * sa, (1.0 - c) * ub + c * u_all * sb
-    out[0, ELASTIC], out[0, ENERGY] = fa, ea
-    out[1, ELASTIC], out[1, ENERGY] = fb, eb
-    _scale_slide(out[0], ea)
-    _scale_slide(out[1], eb)
-    out[0, RUBS] = min(max(1.0 + pull * gb / (ga + gb) / fa, 0.0), 1.0) if fa > 0.0 else 0.0
-    out[1, RUBS] = min(max(1.0 + pull * ga / (ga + gb) / fb, 0.0), 1.0) if fb > 0.0 else 0.0
-    rows = 2
-    for which in range(2):
-        i, f = (inner, pull * w_in) if which == 0 else (outer, pull * (1.0 - w_in))
-        if i < 0 or f >= 0.0:
+            f, tl = back(r, sub(foot, p)), back(r, t)
+            least = 1e300
+            for j in range(9):
+                least = min(least, 2.0 * _from_circle(f, tl, 0.125 * j, gb[0])[2])
+            least -= 0.25 * 0.125**2 * dot(t, t)
+        whole_far[i] = least > limit
+        nearest, any_near = min(nearest, least), any_near or not whole_far[i]
+    if not any_near:
+        return reach - math.sqrt(nearest - dip)
+    for h in range(3):
+        a, b = _track(h)
+        for i in range(n):
+            u = -1.0 + i * width
+            far[i], eta[i], slope[i] = whole_far[i], NOTHING, 0.0
+            if far[i] and not (i > 0 and not whole_far[i - 1]) and not (
+                i < n - 1 and not whole_far[i + 1]
+            ):
+                continue
+            # Beside one that is near, one that is far is followed as well: a bracket needs both ends.
+            lim = 1e300 if far[i] else limit
+            if sheet:
+                eta[i], slope[i], _ = _on_sheet(
+                    u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, lim, sq, ws, ts, z, lo, hi, keep
+                )
+                zs[i] = z
+            else:
+                eta[i], zs[i, 1], slope[i] = _on_circle(u, h, ga, gb[0], reach, ca, e, r, p)
+                zs[i, 0] = u
+        for i in range(n):
+            if eta[i] == NOTHING:
+                continue
+            # Cells on both sides of a border have its points.
+            col = i // LOOKS
+            edge = i % LOOKS == 0
+            if h < 2:
+                if col < ACROSS:
+                    _raise(out, 2 * col + h, eta[i], zs[i])
+                if edge and col > 0:
+                    _raise(out, 2 * col - 2 + h, eta[i], zs[i])
+                if edge and 0 < col < ACROSS:
+                    _raise(out, SIDE_BORDER + 2 * (col - 1) + h, eta[i], zs[i])
+            else:
+                if col < ACROSS:
+                    _raise(out, ROW_BORDER + col, eta[i], zs[i])
+                if edge and col > 0:
+                    _raise(out, ROW_BORDER + col - 1, eta[i], zs[i])
+                if edge and 0 < col < ACROSS:
+                    _raise(out, CORNER + col - 1, eta[i], zs[i])
+        for i in range(n - 1):
+            if slope[i] <= 0.0 or slope[i + 1] >= 0.0 or eta[i] == NOTHING or eta[i + 1] == NOTHING:
+                continue
+            col = i // LOOKS
+            row = 2 * col + h if h < 2 else ROW_BORDER + col
+            # Regula falsi (Illinois) on the slope; two branches of the profile are followed from both ends.
+            ul, ur, sl, sr = -1.0 + i * width, -1.0 + (i + 1) * width, slope[i], slope[i + 1]
+            two = sheet and (
+                abs(zs[i, 2] - zs[i + 1, 2]) > 0.3
+                or abs(zs[i, 1] - zs[i + 1, 1]) > 0.3 or abs(zs[i, 3] - zs[i + 1, 3]) > 0.3
+            )
+            side = 0
+            z[:] = zs[i] if eta[i] > eta[i + 1] else zs[i + 1]
+            for _ in range(60):
+                u = (ul * sr - ur * sl) / (sr - sl)
+                u = min(max(u, ul + 1e-3 * (ur - ul)), ur - 1e-3 * (ur - ul))
+                if not sheet:
+                    f, w, s = _on_circle(u, h, ga, gb[0], reach, ca, e, r, p)
+                    z[0], z[1] = u, w
+                elif two:
+                    f, s, _ = _on_sheet(u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, 1e300, sq,
+                                        ws, ts, z, lo, hi, keep)
+                else:
+                    f, s = _beside(u, h, z, ga, gb, ca, cb, e, r, p, lo, hi)
+                _raise(out, row, f, z)
+                if abs(s) * (ur - ul) < 1e-13 or ur - ul < 1e-10:
+                    break
+                if s > 0.0:
+                    ul, sl = u, s
+                    if side == 1:
+                        sr *= 0.5
+                    side = 1
+                else:
+                    ur, sr = u, s
+                    if side == -1:
+                        sl *= 0.5
+                    side = -1
+    for i in range(PETAL_ELEMENTS):
+        top = max(top, out[i, ETA])
+        if out[i, ETA] <= 0.0:
             continue
-        row = out[rows]
-        row[:] = 0.0
-        row[AT], row[DEPTH], row[ELASTIC] = samples[i, 0], samples[i, 1], f
-        put3(row, POINT, at3(samples[i], 2))
-        put3(row, DIR, at3(samples[i], 5))
-        rows += 1
-    return depth, 2, rows
+        z[:] = out[i, AT : AT + 4]
+        if sheet:
+            x, y = _sheets(z, ga, gb, r, p)
+            _fill(out[i], x, sub(y, x), ga[5], reach, gain(ca, e, z[1], cb, z[3])[0])
+        else:
+            _circle_element(out[i], z[0], z[1], ga, gb[0], reach, ca, e, r, p)
+    return top

@@ -192,25 +192,23 @@ class Docking:
         v_ab = (v[6:9] + np.cross(w2, p_wa - data.qpos[7:10])) - (
             v[0:3] + np.cross(w1, p_wa - data.qpos[0:3])
         )
-        bristle = data.act[: self.n_y].reshape(-1, 3) if self.n_y else np.zeros(
-            (self.contact.bristles, 3)
+        bristle = data.act[: self.n_y] if self.n_y else np.zeros(3 * self.contact.bristles)
+        touch = self.contact.evaluate(
+            r_wa.T @ r_wb, r_wa.T @ (p_wb - p_wa), r_wa.T @ v_ab, r_wa.T @ (w2 - w1), bristle,
+            self._first_stage,
         )
-        wrench, y_rate, pushes = self.contact.evaluate(
-            r_wa.T @ r_wb, r_wa.T @ (p_wb - p_wa), r_wa.T @ v_ab, r_wa.T @ (w2 - w1), bristle
-        )
-        f, m = r_wa @ wrench[:3], r_wa @ wrench[3:]
+        f, m = r_wa @ touch.wrench[:3], r_wa @ touch.wrench[3:]
         magnitude = float(np.linalg.norm(f))
         if self._first_stage:
             # The state itself; later stages are trial states.
             self._first_stage = False
-            self.force_n, self.places = magnitude, pushes
-            self.depth_m = max((p.depth_m for _, _, p in pushes), default=-np.inf)
-            self.energy_j = sum(p.energy_j for _, _, p in pushes)
+            self.force_n, self.places = magnitude, touch.places
+            self.depth_m, self.energy_j = touch.depth_m, touch.energy_j
         if self.n_y:
-            self._act_rate[: self.n_y] = y_rate.ravel()
+            self._act_rate[: self.n_y] = touch.rates.ravel()
         self._act_rate[self.n_y : self.n_y + 3] = f
         self._act_rate[self.n_y + 3] = magnitude
-        if pushes:
+        if touch.depth_m > 0.0:
             mujoco.mj_applyFT(model, data, f, m, p_wa, self.id_2, data.qfrc_passive)
             mujoco.mj_applyFT(model, data, -f, -m, p_wa, self.id_1, data.qfrc_passive)
 
@@ -252,12 +250,6 @@ class Docking:
                 near = in_contact or self._near(5e-3)
                 step = self.step_s if near else free_step_s
                 m.opt.timestep = min(step, end_s - d.time)
-                if self.n_y:
-                    # A bristle that touches nothing straightens at once.
-                    live = {j for _, j, p in self.places if p.normal_n > 0.0}
-                    for j in range(self.contact.bristles):
-                        if j not in live:
-                            d.act[3 * j : 3 * j + 3] = 0.0
                 before = d.time
                 self._first_stage = True
                 mujoco.mj_step(m, d)
@@ -265,7 +257,7 @@ class Docking:
                     contacts.append(before)
                     rows.append((before, self.force_n))
                     peak, depth = max(peak, self.force_n), max(depth, self.depth_m)
-                    pairs |= {name for name, _, p in self.places if p.normal_n > 0.0}
+                    pairs |= {p.pair for p in self.places}
                 if on_step is not None:
                     on_step(d.time, self)
             energy = self.kinetic_j() + self.energy_j
@@ -282,4 +274,4 @@ class Docking:
     def _near(self, gap_m: float) -> bool:
         _, _, r_wa, r_wb, p_wa, p_wb = self._relative(self.data)
         r, p = r_wa.T @ r_wb, r_wa.T @ (p_wb - p_wa)
-        return any(s.pair.near(r, p, -gap_m) for s in self.contact.pairs)
+        return self.contact.clearance_m(r, p) < gap_m
