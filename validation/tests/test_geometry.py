@@ -170,7 +170,7 @@ def touching_poses(mech, pair, rng, count):
             yield contact, r, p
 
 
-@pytest.mark.parametrize("pair,count", [(0, 6), (1, 10), (5, 10), (8, 6), (9, 6)])
+@pytest.mark.parametrize("pair,count", [(0, 6), (1, 10), (5, 10), (8, 10), (9, 10)])
 def test_oracle_depths_of_all_elements_are_those_of_brute_force(apas, figure, pair, count):
     """Every element is a true point of its part of the surface, and no sample is deeper."""
     rng = np.random.default_rng(11 + pair)
@@ -191,7 +191,7 @@ def test_oracle_depths_of_all_elements_are_those_of_brute_force(apas, figure, pa
             above = max(above, highest(f, bounds, rng, 20000 if other else 3000) - row[pl.ETA])
             seen += 1
     figure(f"{seen} elements, brute force deeper by at most {above:.1e} m, values off by {off:.1e} m")
-    assert seen >= 2 * count
+    assert seen >= count
     assert above < 1e-11 and off < 1e-14
 
 
@@ -256,20 +256,20 @@ def test_oracle_depths_agree_with_mujocos_own_shapes(apas, figure):
 
 
 @pytest.mark.parametrize(
-    "pair,at,most",
+    "pair,at,most,flat",
     [
-        ("ring-ring", ((0.02, 0.01, -0.015), (0.035, 0.02, 0.03)), 2),
-        ("ring-ring", ((0.0, 0.0002, 0.0001), (0.045, 0.0001, 0.0)), 8),
-        ("ring-ring", ((0.0, 0.00005, 0.00007), (0.045, 0.0, 0.0)), 8),
-        ("ring-ring", ((0.0, 0.0, 0.0), (0.045, 0.01, 0.004)), 8),
-        ("ring-ring", ((0.0, 0.002, 0.001), (0.045, 0.02, 0.0)), 8),
-        ("ring-petal0", ((0.3, 0.02, 0.03), (0.15, 0.02, -0.1)), 8),
-        ("petal0-ring", ((0.1, -0.03, 0.01), (0.15, 0.09, 0.03)), 8),
-        ("petal1-ring", ((0.0, 0.0, 0.0), (0.12, -0.05, 0.0866)), 8),
-        ("petal0-petal2", ((0.25, 0.02, 0.01), (0.22, 0.0, 0.0)), 8),
+        ("ring-ring", ((0.02, 0.01, -0.015), (0.035, 0.02, 0.03)), 2, False),
+        ("ring-ring", ((0.0, 0.0002, 0.0001), (0.045, 0.0001, 0.0)), 8, True),
+        ("ring-ring", ((0.0, 0.00005, 0.00007), (0.045, 0.0, 0.0)), 8, True),
+        ("ring-ring", ((0.0, 0.0, 0.0), (0.045, 0.01, 0.004)), 8, True),
+        ("ring-ring", ((0.0, 0.002, 0.001), (0.045, 0.02, 0.0)), 8, False),
+        ("ring-petal0", ((0.3, 0.02, 0.03), (0.15, 0.02, -0.1)), 8, False),
+        ("petal0-ring", ((0.03, 0.02, 0.05), (0.09, -0.047, 0.004)), 8, False),
+        ("petal1-ring", ((0.0, 0.0, 0.0), (0.12, -0.05, 0.0866)), 8, False),
+        ("petal0-petal2", ((0.25, 0.02, 0.01), (0.22, 0.0, 0.0)), 8, False),
     ],
 )
-def test_invariant_force_is_the_gradient_of_the_stored_energy(apas, figure, pair, at, most):
+def test_invariant_force_is_the_gradient_of_the_stored_energy(apas, figure, pair, at, most, flat):
     """Displaces the passive side by 1e-7 along each of the six freedoms; friction and damping off.
     Without it sliding along a petal would make or lose energy."""
     contact = Contact(apas.active, apas.passive, ELASTIC, [pair])
@@ -303,7 +303,8 @@ def test_invariant_force_is_the_gradient_of_the_stored_energy(apas, figure, pair
     )
     assert np.linalg.norm(touch.wrench[:3]) > 1000.0
     assert 1 <= len(touch.places) <= most
-    assert error < 1e-7
+    # Curvature of U over the step: some 1e-6 where smooth extremes of 50 um are passed through.
+    assert error < (1e-8 if not flat else 3e-6)
 
 
 def _inward(contact, pair, r, p):
@@ -336,31 +337,32 @@ def test_oracle_crossing_rings_push_at_two_places_with_k_each(figure):
 
 
 def test_oracle_one_place_has_k_wherever_the_cells_lie(apas, figure):
-    """A tilted ring, the tilt going round, and a ring that slides across a petal: U = Phi(largest)."""
-    contact, worst = Contact(RINGS, RINGS, ELASTIC), 0.0
+    """A ring that slides across a petal: U = Phi(largest). A tilted ring, the tilt going round: within what r
+    of (N9) takes from the depth of an arc whose deepest point stands less than w above its ends, 4w/27."""
+    contact, worst, low = Contact(RINGS, RINGS, ELASTIC), 0.0, []
     for a in np.linspace(0.0, TAU / 16, 41):
         r = turn([0.0, 0.05 * math.cos(a), 0.05 * math.sin(a)]) @ TURNED
         touch = still(contact, r, np.array([0.078, 0.0, 0.0]))
         assert touch.depth_m > 1e-3
-        worst = max(worst, abs(touch.energy_j / (0.5e6 * touch.depth_m**2) - 1.0))
+        low.append(touch.depth_m - math.sqrt(touch.energy_j / 0.5e6))
+    assert min(low) > -1e-12 and 1e-6 < max(low) < 4 * 5e-5 / 27
     crossed = set()
     contact = Contact(apas.active, apas.passive, ELASTIC, ["petal0-ring"])
-    r = turn([0.0, 0.0, -0.35]) @ TURNED
-    for y in np.linspace(-0.25, 0.25, 61):
-        p = np.array([0.1, 0.16 + 0.0 * y, y])
-        for _ in range(60):
-            top = contact.elements(1, r, p)[1]
-            if abs(top - 1e-3) < 1e-6:
-                break
-            p = p - (top - 1e-3) * _inward(contact, 1, r, p)
-        touch = still(contact, r, p)
-        out, top = contact.elements(1, r, p)
-        if top < 5e-4:
-            continue
-        crossed |= set(np.flatnonzero(out[:8, pl.ETA] > 0.0))
-        worst = max(worst, abs(touch.energy_j / (0.5e6 * top**2) - 1.0))
-    figure(f"stored energy off by at most {worst:.1e}, over cells {sorted(int(c) for c in crossed)}")
-    assert len(crossed) >= 4
+    for a in np.linspace(-0.3, 0.3, 41):
+        for x in np.linspace(0.05, 0.14, 16):
+            # The ring about the petal, moved against it until it is 1 mm deep.
+            far, near = 0.0, 0.2
+            for _ in range(50):
+                mid = 0.5 * (far + near)
+                p = np.array([x, -mid * math.cos(a), -mid * math.sin(a)])
+                far, near = (mid, near) if contact.elements(1, TURNED, p)[1] < 1e-3 else (far, mid)
+            touch, (out, top) = still(contact, TURNED, p), contact.elements(1, TURNED, p)
+            assert top == pytest.approx(1e-3, rel=1e-6)
+            crossed |= {int(c) for c in np.flatnonzero(out[:21, pl.ETA] > 0.0)}
+            worst = max(worst, abs(touch.energy_j / (0.5e6 * top**2) - 1.0))
+    figure(f"stored energy off by at most {worst:.1e}, over {len(crossed)} elements; rings lower by at "
+           f"most {1e6 * max(low):.2f} um")
+    assert crossed == set(range(21))
     assert worst < 1e-10
 
 
@@ -408,13 +410,19 @@ def test_invariant_a_petal_on_a_ring_and_rocking_rings_push_without_a_jump(apas,
             turn([0.0, 4e-4 * math.sin(7 * x), 4e-4 * math.cos(5 * x) * (1 - 2 * x)]) @ TURNED,
             np.array([0.0499, 1e-4 * x, 0.0]))),
         "petals": (whole, lambda x: (
-            turn([0.15 - 0.3 * x, 0.03, 0.02 - 0.05 * x]) @ TURNED,
-            np.array([0.1 + 0.03 * x, 0.02 - 0.06 * x, 0.05 * x]))),
+            turn([0.03 * x, 0.02, 0.05 * x]) @ TURNED,
+            _about_petal(0.06 + 0.07 * x, 0.8 * x - 0.4, 2e-3 + 4e-3 * x))),
     }
     for name, (contact, path) in paths.items():
         coarse, fine = sweep(contact, path, 2001), sweep(contact, path, 4001)
         figure(f"{name}: largest change {coarse:.2f} and {fine:.2f} N or N m")
         assert 0.0 < fine < 0.6 * coarse
+
+
+def _about_petal(x, a, deep):
+    """A ring about petal 0, moved against it at an azimuth."""
+    s = x - 0.0465 + deep
+    return np.array([x, -s * math.cos(a), -s * math.sin(a)])
 
 
 def test_invariant_what_is_remembered_does_not_change_depths(apas):
@@ -424,7 +432,7 @@ def test_invariant_what_is_remembered_does_not_change_depths(apas):
     y = straight()
     touched = 0
     for x in np.linspace(0.0, 1.0, 300):
-        r, p = turn([0.2 - 0.4 * x, 0.05 * x, 0.0]) @ TURNED, np.array([0.3 - 0.22 * x, 0.03, 0.01])
+        r, p = turn([0.05 - 0.1 * x, 0.05 * x, 0.0]) @ TURNED, np.array([0.2 - 0.14 * x, -0.025, 0.005])
         a, b = still(contact, r, p), moving.evaluate(r, p, ZERO, ZERO, y)
         assert a.wrench == pytest.approx(b.wrench, rel=1e-12, abs=1e-9)
         touched += a.depth_m > 0.0

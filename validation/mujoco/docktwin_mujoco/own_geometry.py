@@ -1,11 +1,10 @@
 """Our law on MuJoCo's collision geometry: MuJoCo finds distance, normal and point of every pair of
 capsules and convex pieces, and the law makes forces of them.
 
-How its contacts become the samples that the law is stated for: a capsule of the active ring belongs to
-the interval of azimuth in which it lies, a strip of a petal to its interval across the rulings, and of
-two petals a strip to its half of the active petal. The deepest contact of an interval is its sample.
-Two petals so have two samples at most, not ten, and the small force along the sheet (N6) is left out:
-it is below a thousandth of the normal force at the depths met here.
+Every cell, border and corner that the law is stated for is made of geoms of its own (`shapes.py`), and
+the deepest contact of an element's geoms with the other surface is its depth. The largest *effective*
+depth is taken among contacts of greatest depth, so the small force along the sheet (N6) is left out: it is
+below a thousandth of the normal force at the depths met here.
 """
 
 from __future__ import annotations
@@ -15,24 +14,28 @@ import numpy as np
 from numba import njit
 
 from . import docking, kernel as k, shapes
-from .places import PIECES, SAMPLE
-from .vec import add, at3, axpy, back, dot, matrix, mul, norm, put3, sub, turn
+from .places import (
+    ARCS, CELLS, DEPTH, ELEMENT, ETA, GAIN, MOST_ELEMENTS, NORMAL, POINT, gain,
+)
+from .vec import axpy, back, matrix, mul, put3, sub
 
-# Columns of the table of geoms: side (0 active, 1 passive), surface (-1 ring, else petal), middle of
-# its stretch of the family, radius about the core, radius of the core itself.
-SIDE, SURFACE, MIDDLE, RADIUS, CORE = range(5)
+# Columns of the table of geoms: side (0 active, 1 passive), surface (-1 ring, else petal), element, whether
+# it is a border or a corner, radius about the core, radius of the core itself.
+SIDE, SURFACE, NUMBER, BORDER, RADIUS, CORE = range(6)
 # Contacts are looked for this far beyond touching, m.
 BEYOND = 2e-4
+# Depth of what is not in contact, m.
+AWAY = -1e-2
 
 
 @njit(cache=True)
-def samples(given, table, n, dist, pos, frame, geoms, pr, rr, p_ab, r_ab, P):
+def elements(given, table, n, dist, pos, frame, geoms, pr, rr, p_ab, r_ab, P):
     """Fills `given` from MuJoCo's contacts; poses of the active ring and of the passive one in it."""
-    given[:, 0, 0] = 0.0
-    m_ring, m_ruling = int(P[k.M_RING]), int(P[k.M_RULING])
-    most = given.shape[1] - 1
-    best = np.full((k.PAIRS, most), -1e300)
-    rows = np.zeros((k.PAIRS, most, SAMPLE))
+    for pair in range(k.PAIRS):
+        given[pair, 0, 0] = 0.0
+        for i in range(MOST_ELEMENTS):
+            given[pair, 1 + i, ETA], given[pair, 1 + i, DEPTH] = AWAY, AWAY
+    e = 1.0 / (P[k.EXPONENT] + 1.0)
     for i in range(n):
         a, b = table[geoms[i, 0]], table[geoms[i, 1]]
         sign = 1.0
@@ -40,63 +43,48 @@ def samples(given, table, n, dist, pos, frame, geoms, pr, rr, p_ab, r_ab, P):
             a, b, sign = b, a, -1.0
         if a[SIDE] == b[SIDE]:
             continue
+        sa, sb = int(a[SURFACE]), int(b[SURFACE])
+        # Which of the two is divided: the petal, of two like surfaces the active one.
+        turned = sa < 0 and sb >= 0
+        own, other = (b, a) if turned else (a, b)
+        if other[BORDER] != 0.0:
+            continue
         depth = a[RADIUS] + b[RADIUS] - dist[i] - a[CORE] - b[CORE]
         normal = back(rr, mul((frame[i, 0], frame[i, 1], frame[i, 2]), sign))
         point = back(rr, sub((pos[i, 0], pos[i, 1], pos[i, 2]), pr))
         point = axpy(point, a[RADIUS] - 0.5 * depth - a[CORE] - 0.5 * dist[i], normal)
-        sa, sb = int(a[SURFACE]), int(b[SURFACE])
-        if sa < 0 and sb < 0:
-            pair, u = 0, a[MIDDLE]
-            at = int(u / (2.0 * np.pi) * m_ring)
-        elif sb < 0:
-            pair, u = 1 + sa, a[MIDDLE]
-            at = int(0.5 * (u + 1.0) * m_ruling)
-        elif sa < 0:
-            pair, u = 4 + sb, b[MIDDLE]
-            at = int(0.5 * (u + 1.0) * m_ruling)
-        else:
-            pair, u = 7 + 3 * sa + sb, a[MIDDLE]
-            at = 0 if u < 0.0 else 1
-        if depth <= best[pair, at]:
-            continue
-        c = 1.0 / P[k.STIFFNESS]
+        pair, ca, cb, wa, wb = 0, 0.0, 0.0, 0.0, 0.0
         if sa >= 0:
-            s = _along(P, k.PETAL_A, point)
-            c += s**3 / (3.0 * P[k.PETAL_A + 6])
+            ca = P[k.STIFFNESS] * P[k.PETAL_A + 8] ** 3 / (3.0 * P[k.PETAL_A + 6])
+            wa = _along(P, k.PETAL_A, point)
         if sb >= 0:
-            s = _along(P, k.PETAL_B, back(r_ab, sub(point, p_ab)))
-            c += s**3 / (3.0 * P[k.PETAL_B + 6])
-        best[pair, at] = depth
-        row = rows[pair, at]
-        row[0], row[1], row[8] = u, depth, 1.0 / c
-        put3(row, 2, point)
-        put3(row, 5, normal)
-    for pair in range(k.PAIRS):
-        count = 0
-        # All intervals of a ring or petal keep their places: neighbours are told by them.
-        size = m_ring if pair == 0 else (m_ruling if pair < 7 else 2)
-        touched = False
-        for at in range(size):
-            touched = touched or best[pair, at] > -1e299
-        if not touched:
+            cb = P[k.STIFFNESS] * P[k.PETAL_B + 8] ** 3 / (3.0 * P[k.PETAL_B + 6])
+            wb = _along(P, k.PETAL_B, back(r_ab, sub(point, p_ab)))
+        if sa >= 0 and sb >= 0:
+            pair = 7 + 3 * sa + sb
+        elif sa >= 0:
+            pair = 1 + sa
+        elif sb >= 0:
+            pair = 4 + sb
+        g = gain(ca, e, wa, cb, wb)[0]
+        row = given[pair, 1 + int(own[NUMBER])]
+        if depth * g <= row[ETA]:
             continue
-        for at in range(size):
-            if best[pair, at] > -1e299:
-                given[pair, 1 + count] = rows[pair, at]
-                count += 1
-            elif pair < 7:
-                given[pair, 1 + count] = 0.0
-                given[pair, 1 + count, 1] = -1e-2
-                count += 1
-        given[pair, 0, 0] = count
+        if turned:
+            point, normal = back(r_ab, sub(point, p_ab)), mul(back(r_ab, normal), -1.0)
+        row[ETA], row[DEPTH], row[GAIN] = depth * g, depth, g
+        put3(row, POINT, point)
+        put3(row, NORMAL, normal)
+        if depth > 0.0:
+            given[pair, 0, 0] = 1.0
 
 
 @njit(cache=True)
 def _along(P, first, x):
-    """Distance of a point of a petal's ring frame from the root, along the slope."""
+    """Fraction of the way of a point of a petal's ring frame from the root, along the slope."""
     h, dr = P[first + 2], P[first + 1] - P[first]
-    s = (x[0] * h + (np.hypot(x[1], x[2]) - P[first]) * dr) / P[first + 8]
-    return min(max(s, 0.0), P[first + 8])
+    s = (x[0] * h + (np.hypot(x[1], x[2]) - P[first]) * dr) / P[first + 8] ** 2
+    return min(max(s, 0.0), 1.0)
 
 
 class OnOwnGeometry(docking.FullDocking):
@@ -113,27 +101,31 @@ class OnOwnGeometry(docking.FullDocking):
             p1 = c.p_body_port_m + c.r_body_port @ m.p_mount_active_m
         else:
             carrier, r1, p1 = "ring", np.eye(3), np.zeros(3)
-        # Detected, never part of MuJoCo's own solver: only cores that overlap would be.
-        extra = lambda radius: f'margin="0" gap="{radius + BEYOND!r}" condim="1"'  # noqa: E731
-        g1, a1 = shapes.side(m.active, "a", r1, p1, capsules, strips, extra)
-        g2, a2 = shapes.side(m.passive, "b", r2, p2, capsules, strips, extra)
+        # Detected, never part of MuJoCo's own solver: only cores that overlap would be. Cells meet the
+        # other side's cells and borders, borders only its cells.
+        def bits(own, wanted):
+            return lambda radius: (
+                f'margin="0" gap="{radius + BEYOND!r}" condim="1" contype="{own}" conaffinity="{wanted}"'
+            )
+
+        g1, a1 = shapes.side(m.active, "a", r1, p1, capsules, strips, bits(1, 10), bits(4, 0))
+        g2, a2 = shapes.side(m.passive, "b", r2, p2, capsules, strips, bits(2, 5), bits(8, 0))
         model = mujoco.MjModel.from_xml_string(docking.mjcf(
             scene, step_s, {carrier: g1, "target": g2}, "", f"<asset>{a1}{a2}</asset>", "enable"
         ))
-        super().__init__(scene, step_s, tick_s, None, model)
-        self.table = np.zeros((model.ngeom, 5))
+        super().__init__(scene, step_s, tick_s, model)
+        self.table = np.zeros((model.ngeom, 6))
         for i in range(model.ngeom):
-            side, surface, number = model.geom(i).name.split("_")
+            side, surface, number, _ = model.geom(i).name.split("_")
             mech = m.active if side == "a" else m.passive
             ring = surface == "ring"
             self.table[i] = [
-                float(side == "b"), -1.0 if ring else float(surface.removeprefix("petal")),
-                (int(number) + 0.5) / capsules * 2.0 * np.pi if ring
-                else -1.0 + (2.0 * int(number) + 1.0) / strips,
+                float(side == "b"), -1.0 if ring else float(surface.removeprefix("petal")), int(number),
+                float(int(number) >= (ARCS if ring else CELLS)),
                 mech.ring_section_radius_m if ring else 0.5 * mech.petals.thickness_m,
                 shapes.WIRE_M if ring else shapes.PLATE_M,
             ]
-        self.given = np.zeros((k.PAIRS, 1 + max(docking.RING_INTERVALS, 2 * PIECES), SAMPLE))
+        self.given = np.zeros((k.PAIRS, 1 + MOST_ELEMENTS, ELEMENT))
         self._kept = self._stage
         self.callback = self._kept
         self.most_contacts = 0
@@ -161,10 +153,10 @@ class OnOwnGeometry(docking.FullDocking):
         self.most_contacts = max(self.most_contacts, n)
         rows = lambda x: tuple(map(tuple, x))  # noqa: E731
         if n:
-            samples(self.given, self.table, n, np.ascontiguousarray(c.dist),
-                    np.ascontiguousarray(c.pos), np.ascontiguousarray(c.frame),
-                    np.ascontiguousarray(c.geom), tuple(pr), rows(rr), tuple(p_ab), rows(r_ab),
-                    self.P)
+            elements(self.given, self.table, n, np.ascontiguousarray(c.dist),
+                     np.ascontiguousarray(c.pos), np.ascontiguousarray(c.frame),
+                     np.ascontiguousarray(c.geom), tuple(pr), rows(rr), tuple(p_ab), rows(r_ab),
+                     self.P)
         else:
             self.given[:, 0, 0] = 0.0
         k.scene(self.P, self.S, self.T, d.qpos, d.qvel, d.act, d.ctrl, d.qfrc_passive, self.given)

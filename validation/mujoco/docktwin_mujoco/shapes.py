@@ -12,6 +12,8 @@ import math
 
 import numpy as np
 
+from .places import ACROSS, ARCS, CORNER, ROW_BORDER, SIDE_BORDER
+
 # Radius of a ring's capsules and half-thickness of a petal's plates, taken off the margins.
 WIRE_M, PLATE_M = 1e-3, 1e-4
 
@@ -27,36 +29,78 @@ def ruling(petals, i: int, u: float):
     )
 
 
-def side(side, name: str, r, p, capsules: int, strips: int, attributes):
+def side(side, name: str, r, p, capsules: int, strips: int, attributes, borders=None):
     """Geoms and assets of one side whose ring frame stands at (r, p) in its body. `attributes(radius)`
-    gives a geom's margin, gap and contact attributes for the radius about its core."""
+    gives a geom's margin, gap and contact attributes for the radius about its core.
+
+    With `borders`, which gives them for borders and corners, every geom belongs to an element of
+    `places.py` (its number is the last but one part of its name): arcs and cells are made of whole
+    capsules and strips, and spheres and capsules along their edges are added."""
     geoms, assets = [], []
+
+    def at(x):
+        return p + r @ x
+
+    def numbers(*points):
+        return " ".join(repr(float(x)) for x in np.concatenate(points))
+
+    def sphere(label, x, size, extra):
+        geoms.append(f'<geom name="{label}" type="sphere" size="{size!r}" pos="{numbers(at(x))}" '
+                     f'mass="0" {extra}/>')
+
+    def capsule(label, x, y, size, extra):
+        geoms.append(f'<geom name="{label}" type="capsule" size="{size!r}" '
+                     f'fromto="{numbers(at(x), at(y))}" mass="0" {extra}/>')
+
+    if borders is not None and (capsules % ARCS or strips % ACROSS):
+        raise ValueError(f"capsules by {ARCS} and strips by {ACROSS}, found {capsules} and {strips}")
     # Chords that swing evenly about the circle: their mean distance from the centre is its radius.
     half = math.pi / capsules
     radius = side.ring_mean_radius_m / (0.5 * (1.0 + math.cos(half)))
-    extra = attributes(side.ring_section_radius_m - WIRE_M)
+
+    def corner(i):
+        return radius * np.array([0.0, math.cos(2 * i * half), math.sin(2 * i * half)])
+
+    about = side.ring_section_radius_m - WIRE_M
     for i in range(capsules):
-        ends = []
-        for a in (2 * i * half, 2 * (i + 1) * half):
-            ends.append(p + r @ np.array([0.0, radius * math.cos(a), radius * math.sin(a)]))
-        numbers = " ".join(repr(float(x)) for x in np.concatenate(ends))
-        geoms.append(
-            f'<geom name="{name}_ring_{i}" type="capsule" size="{WIRE_M!r}" fromto="{numbers}" '
-            f'mass="0" {extra}/>'
-        )
-    if side.petals is not None:
-        extra = attributes(0.5 * side.petals.thickness_m - PLATE_M)
-        for petal in range(side.petals.count):
-            for j in range(strips):
-                u0, u1 = -1.0 + 2.0 * j / strips, -1.0 + 2.0 * (j + 1) / strips
-                corners = [*ruling(side.petals, petal, u0), *ruling(side.petals, petal, u1)]
-                n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        part = f"{i}" if borders is None else f"{i * ARCS // capsules}_{i}"
+        capsule(f"{name}_ring_{part}", corner(i), corner(i + 1), WIRE_M, attributes(about))
+    if borders is not None:
+        for i in range(ARCS):
+            sphere(f"{name}_ring_{ARCS + i}_0", corner(i * capsules // ARCS), WIRE_M, borders(about))
+    if side.petals is None:
+        return "".join(geoms), "".join(assets)
+    about = 0.5 * side.petals.thickness_m - PLATE_M
+    rows = [(0.0, 1.0)] if borders is None else [(0.0, 0.5), (0.5, 1.0)]
+
+    def on(petal, u, w):
+        foot, tip = ruling(side.petals, petal, u)
+        return foot + w * (tip - foot)
+
+    for petal in range(side.petals.count):
+        us = np.linspace(-1.0, 1.0, strips + 1)
+        for j in range(strips):
+            for h, (lo, hi) in enumerate(rows):
+                c = [on(petal, u, w) for u in us[j : j + 2] for w in (lo, hi)]
+                n = np.cross(c[1] - c[0], c[2] - c[0])
                 n *= PLATE_M / np.linalg.norm(n)
-                points = [p + r @ (c + s * n) for c in corners for s in (-1.0, 1.0)]
-                numbers = " ".join(repr(float(x)) for x in np.concatenate(points))
-                mesh = f"{name}_petal{petal}_{j}"
-                assets.append(f'<mesh name="{mesh}" vertex="{numbers}" inertia="convex"/>')
+                points = numbers(*(at(x + s * n) for x in c for s in (-1.0, 1.0)))
+                part = f"{j}" if borders is None else f"{2 * (j * ACROSS // strips) + h}_{j}"
+                mesh = f"{name}_petal{petal}_{part}"
+                assets.append(f'<mesh name="{mesh}" vertex="{points}" inertia="convex"/>')
                 geoms.append(
-                    f'<geom name="{mesh}" type="mesh" mesh="{mesh}" mass="0" {extra}/>'
+                    f'<geom name="{mesh}" type="mesh" mesh="{mesh}" mass="0" {attributes(about)}/>'
                 )
+        if borders is None:
+            continue
+        label, extra = f"{name}_petal{petal}", borders(about)
+        for b in range(ACROSS - 1):
+            u = us[(b + 1) * strips // ACROSS]
+            for h, (lo, hi) in enumerate(rows):
+                capsule(f"{label}_{SIDE_BORDER + 2 * b + h}_0", on(petal, u, lo), on(petal, u, hi),
+                        PLATE_M, extra)
+            sphere(f"{label}_{CORNER + b}_0", on(petal, u, 0.5), PLATE_M, extra)
+        for j in range(strips):
+            capsule(f"{label}_{ROW_BORDER + j * ACROSS // strips}_{j}", on(petal, us[j], 0.5),
+                    on(petal, us[j + 1], 0.5), PLATE_M, extra)
     return "".join(geoms), "".join(assets)
