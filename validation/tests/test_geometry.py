@@ -207,7 +207,8 @@ def test_oracle_depths_agree_with_mujocos_own_shapes(apas, figure):
             ends, radius = list(zip(pts, pts[1:])), side.ring_section_radius_m
         else:
             u = np.linspace(-1.0, 1.0, n_petal)
-            ends = list(zip(on_petal(side.petals, petal, u, 0 * u), on_petal(side.petals, petal, u, 0 * u + 1)))
+            feet, tips = (on_petal(side.petals, petal, u, 0.0 * u + w) for w in (0.0, 1.0))
+            ends = list(zip(feet, tips))
             radius = 0.5 * side.petals.thickness_m
         geoms = "".join(
             f'<geom type="capsule" size="{radius}" fromto="'
@@ -282,7 +283,7 @@ def test_invariant_force_is_the_gradient_of_the_stored_energy(apas, figure, pair
             n = touch.wrench[:3] / np.linalg.norm(touch.wrench[:3])
             p0 = p0 + (touch.depth_m - 3e-3) * n
         else:
-            p0 = p0 - np.array([2e-3, 0.0, 0.0]) if number == 0 else p0 + 3e-3 * _inward(contact, number, r0, p0)
+            p0 = p0 + 3e-3 * _inward(contact, number, r0, p0)
 
     def energy(r, p):
         return still(contact, r, p).energy_j
@@ -392,8 +393,43 @@ def test_oracle_smooth_extremes():
         assert sum(parts) == pytest.approx(1.0, abs=1e-12)
         for j in range(3):
             e = h * np.eye(3)[j]
-            slope = (cells.arc_depth(*([a, b, m] + e), w)[0] - cells.arc_depth(*([a, b, m] - e), w)[0]) / (2 * h)
+            up, down = (cells.arc_depth(*([a, b, m] + x * e), w)[0] for x in (1.0, -1.0))
+            slope = (up - down) / (2 * h)
             assert slope == pytest.approx(parts[j], abs=1e-3)
+
+
+def test_oracle_rings_store_what_the_page_says(figure):
+    """(N8) and (N9) once more in numpy, over tilts of rings that lie on each other."""
+    w, d = 5e-5, 5e-3
+    contact = Contact(RINGS, RINGS, ELASTIC)
+
+    def smooth(a, b, width):
+        y = np.minimum(np.abs(a - b) / width, 1.0)
+        return np.where(y < 1.0, 0.5 * (a + b) + width * (y**2 - 0.5 * y**3), np.maximum(a, b))
+
+    def phi(x):
+        return 0.5e6 * np.maximum(x, 0.0) ** 2
+
+    off, least = 0.0, (0.0, 0.0)
+    for azimuth in np.linspace(0.0, TAU / 8, 7):
+        for tilt in w * np.array([0.0, 0.02, 0.1, 0.3, 0.5, 0.8, 1.0, 1.5, 2.0, 10.0, 120.0]):
+            r = turn(tilt / 0.6 * np.array([0.0, math.cos(azimuth), math.sin(azimuth)])) @ TURNED
+            p = np.array([0.05 - d, 0.0, 0.0])
+            out, _ = contact.elements(0, r, p)
+            a, deepest = out[32:64, pl.DEPTH], out[:32, pl.DEPTH]
+            s = smooth(a, np.roll(a, -1), cells.ARC_WIDTH * w)
+            z = np.maximum(deepest - s, 0.0) / (cells.ARC_WIDTH * w)
+            arcs = s + np.where(z < 1.0, cells.ARC_WIDTH * w * (2.0 * z**2 - z**3), deepest - s)
+            low = a
+            while len(low) > 1:
+                low = -smooth(-low[0::2], -low[1::2], w)
+            want = phi(arcs).sum() - phi(a).sum() + phi(low[0])
+            got = still(contact, r, p).energy_j
+            off = max(off, abs(got / want - 1.0))
+            least = min(least, ((got - 0.5e6 * d**2) / (1e6 * d), tilt))
+    figure(f"off by at most {off:.1e}; least energy at a tilt of {1e6 * least[1]:.0f} um, "
+           f"{1e6 * least[0]:.2f} um times the force against flat")
+    assert off < 1e-11
 
 
 def test_invariant_a_petal_on_a_ring_and_rocking_rings_push_without_a_jump(apas, figure):
@@ -508,7 +544,7 @@ def test_oracle_an_even_touch_resists_roll_with_mu_times_radius_times_the_normal
 def test_invariant_merging_places_rub_with_no_more_than_the_normal_force(figure):
     """Two places of crossing rings become one as the rings are laid on each other."""
     contact = Contact(RINGS, RINGS, ROUGH)
-    ratio, last, jump, previous = [], None, 0.0, None
+    ratio, last, jump = [], None, 0.0
     for offset in np.linspace(0.02, 0.0, 2001):
         touch = still(contact, TURNED, np.array([0.046, offset, 0.0]))
         rubbing = sum(q.normal_n for q in touch.places)

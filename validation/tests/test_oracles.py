@@ -114,7 +114,7 @@ def test_oracle_8_t_against_12_t_with_4000_n_s_m(rings, figure):
 @pytest.mark.parametrize("zeta,printed", [(0.05, 0.8588), (0.2, 0.5717)])
 def test_oracle_kelvin_voigt_restitution(rings, figure, zeta, printed):
     law = ContactLaw(KelvinVoigt(1e6, 2.0 * zeta * math.sqrt(1e6 * 4800.0)))
-    _, _, e = head_on(rings, law, 2.5e-4)
+    _, _, e = head_on(rings, law, 1.25e-4)
     phi = math.atan2(2 * zeta * math.sqrt(1 - zeta**2), 2 * zeta**2 - 1)
     want = math.exp(-zeta * phi / math.sqrt(1 - zeta**2))
     figure(f"e {e:.6f}, closed form {want:.6f}")

@@ -12,10 +12,10 @@ import numpy as np
 from numba import njit
 
 from .places import (
-    ACROSS, ARCS, AT, CELLS, CORNER, DEPTH, ELEMENT, ETA, GAIN, NORMAL, PETAL_ELEMENTS, POINT,
-    RING_ELEMENTS, ROW_BORDER, SIDE_BORDER, petal_elements, ring_on_ring,
+    ARCS, CELLS, CORNER, DEPTH, ETA, GAIN, NORMAL, PETAL_ELEMENTS, POINT, RING_ELEMENTS, ROW_BORDER,
+    SIDE_BORDER,
 )
-from .vec import add, at3, axpy, back, chain, cross, dot, mul, norm, put3, sub, transposed, turn
+from .vec import add, at3, axpy, cross, dot, mul, put3, sub, turn
 
 # Columns of a place, which is a cell of a petal or an eighth of a ring: its number, whether any of it is
 # deeper than nought, depth, elastic force that rubs (N), part of a Kelvin-Voigt damper that acts, point,
@@ -26,6 +26,9 @@ CELL, TOUCHES, DEEP, RUBS, DAMPS, POINT_OF, DIR, COUPLE, SPREAD, FORCE, PLACE = 
 PLACES, EIGHTHS, IN_EIGHTH = 8, 8, 4
 # Where two cells stand equally high above their border they share its force evenly, m.
 EVEN = 1e-6
+# Width of (N9) within an arc, as a part of `merge_depth_m`, which is that of the lowest border. At 1 rings
+# face to face store most when they are exactly flat; at 1/4 they would store least.
+ARC_WIDTH = 1.0
 
 
 @njit(cache=True)
@@ -186,7 +189,8 @@ def ring_load(elements, width, k, exponent, places):
     for i in range(ARCS):
         j = (i + 1) % ARCS
         eta[i], wa, wb, wm = arc_depth(
-            elements[ARCS + i, DEPTH], elements[ARCS + j, DEPTH], elements[i, DEPTH], width
+            elements[ARCS + i, DEPTH], elements[ARCS + j, DEPTH], elements[i, DEPTH],
+            ARC_WIDTH * width,
         )
         weight[i, 0], weight[i, 1], weight[i, 2] = wa, wb, wm
         own[i] = rubs[i] = slope(k, exponent, eta[i])
