@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .vec import add, axpy, back, cross, dot, mul, norm, put3, sub, turn
+from .vec import add, axpy, back, dot, mul, norm, put3, sub, turn
 
 # Columns of an element: effective depth, depth, d(effective)/d(depth), point, normal from the divided
 # surface to the other, parameters of the deepest point (ring: azimuth; petal: u, w and, on a petal, v, t).
@@ -34,6 +34,8 @@ MOST_ELEMENTS = 64
 TAU = 2.0 * math.pi
 # Looks at a profile per cell, and along the half of a ruling.
 LOOKS, STEPS = 5, 4
+# From a look to the next, in u.
+WIDTH = 2.0 / (ACROSS * LOOKS)
 # Looks on the other petal: `COARSE` intervals of `FINE`.
 COARSE, FINE = 5, 4
 # What is this much less deep than nought is followed as if it touched: so gaps are known, m.
@@ -196,6 +198,10 @@ def gain(c, e, wa, cb, wb):
     )
 
 
+# Two surfaces and their pose: whether the other one is a petal, the divided petal, the other surface,
+# compliances at the tips, 1/(n+1), sum of the radii, pose of the other one. Handed on as `pose`.
+# Room to work in: rulings of the other petal (feet, vectors) and their dips, looks (squared distance, w,
+# t), a place, its bounds, another place. Handed on as `room`.
 # A profile is followed for one of three tracks: rows of cells 0 and 1 and, as a row of no width, the
 # border between them.
 @njit(cache=True)
@@ -273,18 +279,19 @@ def _best_on_ruling(foot, t, lo, hi, radius, reach, c, e):
 
 
 @njit(cache=True)
-def _on_circle(u, h, g, radius, reach, c, e, r, p):
-    """A ruling's largest effective depth against the circle of the ring posed by (r, p), where, and its
-    slope along u."""
+def _on_circle(u, h, pose, z):
+    """A ruling's largest effective depth against a circle and its slope along u; z says where."""
+    _, g, ring, c, _, e, reach, r, p = pose
     foot, t, foot1, t1, _, _ = ruling_rates(g, u)
     foot, t = back(r, sub(foot, p)), back(r, t)
     lo, hi = _track(h)
-    eta, w = _best_on_ruling(foot, t, lo, hi, radius, reach, c, e)
-    x, rho, f = _from_circle(foot, t, w, radius)
+    eta, w = _best_on_ruling(foot, t, lo, hi, ring[0], reach, c, e)
+    x, rho, f = _from_circle(foot, t, w, ring[0])
     d = max(math.sqrt(2.0 * f), 1e-12)
     xu = back(r, axpy(foot1, w, t1))
-    away = (rho - radius) * (x[1] * xu[1] + x[2] * xu[2]) / rho + x[0] * xu[0]
-    return eta, w, -gain(c, e, w, 0.0, 0.0)[0] * away / d
+    away = (rho - ring[0]) * (x[1] * xu[1] + x[2] * xu[2]) / rho + x[0] * xu[0]
+    z[0], z[1], z[2], z[3] = u, w, 0.0, 0.0
+    return eta, -gain(c, e, w, 0.0, 0.0)[0] * away / d
 
 
 # -- a petal against a petal -----------------------------------------------------------------------
@@ -360,10 +367,10 @@ def _sheets(z, ga, gb, r, p):
 
 
 @njit(cache=True)
-def climb(z, lo, hi, ga, gb, ca, cb, e, r, p):
+def climb(z, lo, hi, pose):
     """Largest effective depth near z = (u, w, v, t) within the box, by Newton's method on
     D dD = D delta d(ln gain), D the distance. Returns it and its slope along u; z moves there."""
-    reach = ga[5] + gb[5]
+    _, ga, gb, ca, cb, e, reach, r, p = pose
     m, y, step, trial = np.empty((4, 4)), np.empty(4), np.empty(4), np.empty(4)
     free = np.empty(4, dtype=np.bool_)
     shift = 0.0
@@ -467,15 +474,14 @@ def _look(foot, t, lo, hi, feet, vectors, dips, limit, sq, ws, ts):
 
 
 @njit(cache=True)
-def _on_sheet(u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, limit, sq, ws, ts, z, lo, hi, keep):
-    """A ruling's largest effective depth against the other petal, and its slope along u; z says where.
-    Fourth: squared distance that it is surely beyond, where that is above the limit (and then no depth
-    was sought)."""
-    foot, t = ruling(ga, u)
+def _on_sheet(u, h, pose, room, limit):
+    """A ruling's largest effective depth against the other petal, and its slope along u; the room's place
+    says where. Nothing is sought where the square of the distance is surely above the limit."""
+    feet, vectors, dips, sq, ws, ts, z, lo, hi, keep = room
+    foot, t = ruling(pose[1], u)
     a, b = _track(h)
-    least = _look(foot, t, a, b, feet, vectors, dips, limit, sq, ws, ts)
-    if least > limit:
-        return NOTHING, 0.0, least
+    if _look(foot, t, a, b, feet, vectors, dips, limit, sq, ws, ts) > limit:
+        return NOTHING, 0.0
     n = COARSE * FINE
     low = 1e300
     for j in range(n + 1):
@@ -491,35 +497,36 @@ def _on_sheet(u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, limit, sq, ws,
         v = -1.0 + j * step
         lo[2], hi[2] = max(v - 1.5 * step, -1.0), min(v + 1.5 * step, 1.0)
         keep[0], keep[1], keep[2], keep[3] = u, ws[j], v, ts[j]
-        f, s = climb(keep, lo, hi, ga, gb, ca, cb, e, r, p)
+        f, s = climb(keep, lo, hi, pose)
         if f > best:
             best, slope = f, s
             z[:] = keep
-    return best, slope, least
+    return best, slope
 
 
 @njit(cache=True)
-def _beside(u, h, z, ga, gb, ca, cb, e, r, p, lo, hi):
-    """As `_on_sheet`, from a place on a ruling beside it; z moves."""
+def _beside(u, h, pose, room):
+    """As `_on_sheet`, from a place on a ruling beside it."""
+    _, _, _, _, _, _, z, lo, hi, _ = room
     lo[0], hi[0], lo[3], hi[3] = u, u, 0.0, 1.0
     lo[1], hi[1] = _track(h)
     lo[2], hi[2] = max(z[2] - 0.2, -1.0), min(z[2] + 0.2, 1.0)
     z[0] = u
-    return climb(z, lo, hi, ga, gb, ca, cb, e, r, p)
+    return climb(z, lo, hi, pose)
 
 
 # -- elements of a petal ---------------------------------------------------------------------------
 
 
 @njit(cache=True)
-def _circle_element(row, u, w, g, radius, reach, c, e, r, p):
-    foot, t = ruling(g, u)
-    x = axpy(foot, w, t)
+def _circle_element(row, z, pose):
+    _, g, ring, c, _, e, reach, r, p = pose
+    foot, t = ruling(g, z[0])
+    x = axpy(foot, z[1], t)
     local = back(r, sub(x, p))
-    s = radius / math.hypot(local[1], local[2])
+    s = ring[0] / math.hypot(local[1], local[2])
     gap = sub(add(turn(r, (0.0, local[1] * s, local[2] * s)), p), x)
-    _fill(row, x, gap, g[5], reach, gain(c, e, w, 0.0, 0.0)[0])
-    row[AT], row[AT + 1], row[AT + 2], row[AT + 3] = u, w, 0.0, 0.0
+    _fill(row, x, gap, g[5], reach, gain(c, e, z[1], 0.0, 0.0)[0])
 
 
 @njit(cache=True)
@@ -541,12 +548,79 @@ def _raise(out, i, eta, z):
 
 
 @njit(cache=True)
+def _count(out, h, i, eta, z):
+    """Takes look i of track h into account: cells on both sides of a border have its points."""
+    col, edge = i // LOOKS, i % LOOKS == 0
+    for c in range(col - 1 if edge else col, col + 1):
+        if 0 <= c < ACROSS:
+            _raise(out, 2 * c + h if h < 2 else ROW_BORDER + c, eta, z)
+    if edge and 0 < col < ACROSS:
+        _raise(out, SIDE_BORDER + 2 * (col - 1) + h if h < 2 else CORNER + col - 1, eta, z)
+
+
+@njit(cache=True)
+def _crest(out, h, i, zs, eta, slope, pose, room):
+    """Highest point of track h between looks i and i + 1, by regula falsi (Illinois) on the slope. Where
+    the looks stand on different parts of the other petal, it is searched as a whole every time."""
+    z = room[6]
+    a, b = zs[i], zs[i + 1]
+    two = pose[0] and (
+        abs(a[1] - b[1]) > 0.3 or abs(a[2] - b[2]) > 0.3 or abs(a[3] - b[3]) > 0.3
+    )
+    row = 2 * (i // LOOKS) + h if h < 2 else ROW_BORDER + i // LOOKS
+    ul, ur, sl, sr, side = -1.0 + i * WIDTH, -1.0 + (i + 1) * WIDTH, slope[i], slope[i + 1], 0
+    z[:] = a if eta[i] > eta[i + 1] else b
+    for _ in range(60):
+        u = (ul * sr - ur * sl) / (sr - sl)
+        u = min(max(u, ul + 1e-3 * (ur - ul)), ur - 1e-3 * (ur - ul))
+        if not pose[0]:
+            f, s = _on_circle(u, h, pose, z)
+        elif two:
+            f, s = _on_sheet(u, h, pose, room, 1e300)
+        else:
+            f, s = _beside(u, h, pose, room)
+        _raise(out, row, f, z)
+        if abs(s) * (ur - ul) < 1e-13 or ur - ul < 1e-10:
+            break
+        if s > 0.0:
+            ul, sl = u, s
+            if side == 1:
+                sr *= 0.5
+            side = 1
+        else:
+            ur, sr = u, s
+            if side == -1:
+                sl *= 0.5
+            side = -1
+
+
+@njit(cache=True)
+def _distant(pose, room, limit, far):
+    """Which rulings are surely beyond the limit (of a squared distance), and what none is nearer than."""
+    sheet, g, other, _, _, _, _, r, p = pose
+    feet, vectors, dips, sq, ws, ts, _, _, _, _ = room
+    nearest = 1e300
+    for i in range(len(far)):
+        foot, t = ruling(g, -1.0 + i * WIDTH)
+        least = 1e300
+        if sheet:
+            least = _look(foot, t, 0.0, 1.0, feet, vectors, dips, limit, sq, ws, ts)
+        else:
+            x, v = back(r, sub(foot, p)), back(r, t)
+            for j in range(2 * STEPS + 1):
+                least = min(least, 2.0 * _from_circle(x, v, 0.5 * j / STEPS, other[0])[2])
+            least -= 0.25 * (0.5 / STEPS) ** 2 * dot(t, t)
+        far[i] = least > limit
+        nearest = min(nearest, least)
+    return nearest
+
+
+@njit(cache=True)
 def petal_elements(out, sheet, ga, gb, kc, exponent, r, p):
     """Cells, borders and corners of a petal against a petal (`sheet`) or a ring (gb[0], gb[5]) posed by
     (r, p) in the petal's ring frame. Returns the largest effective depth, or what it is surely not
     above."""
     reach = ga[5] + gb[5]
-    e = 1.0 / (exponent + 1.0)
     ca = kc * ga[8] ** 3 / (3.0 * ga[6])
     cb = kc * gb[8] ** 3 / (3.0 * gb[6]) if sheet else 0.0
     foot, t = ruling(ga, 0.0)
@@ -560,116 +634,46 @@ def petal_elements(out, sheet, ga, gb, kc, exponent, r, p):
     bound = reach - (away - petal_ball(ga))
     if bound <= -AROUND:
         return bound
-    width = 2.0 / (ACROSS * LOOKS)
-    n = ACROSS * LOOKS + 1
-    # What is beyond this is no deeper than -AROUND, on this ruling or between it and the next.
-    dip = _dip(ga, width)
-    limit = (reach + AROUND) ** 2 + dip
-    feet, vectors = np.empty((COARSE * FINE + 1, 3)), np.empty((COARSE * FINE + 1, 3))
-    sq, ws, ts = np.empty(COARSE * FINE + 1), np.empty(COARSE * FINE + 1), np.empty(COARSE * FINE + 1)
+    n, m = ACROSS * LOOKS + 1, COARSE * FINE + 1
+    feet, vectors = np.empty((m, 3)), np.empty((m, 3))
     dips = (0.0, 0.0)
     if sheet:
         _fan(gb, r, p, feet, vectors)
         dips = (_dip(gb, 2.0 / COARSE), _dip(gb, 2.0 / (COARSE * FINE)))
-    z, lo, hi, keep = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    eta, slope, far = np.empty(n), np.empty(n), np.empty(n, dtype=np.bool_)
-    zs = np.zeros((n, 4))
+    z = np.empty(4)
+    pose = (sheet, ga, gb, ca, cb, 1.0 / (exponent + 1.0), reach, r, p)
+    room = (
+        feet, vectors, dips, np.empty(m), np.empty(m), np.empty(m), z, np.empty(4), np.empty(4),
+        np.empty(4),
+    )
+    # What is beyond this is no deeper than -AROUND, on this ruling or between it and the next.
+    dip = _dip(ga, WIDTH)
+    limit = (reach + AROUND) ** 2 + dip
+    far = np.empty(n, dtype=np.bool_)
+    nearest = _distant(pose, room, limit, far)
+    if nearest > limit:
+        return reach - math.sqrt(nearest - dip)
     for i in range(PETAL_ELEMENTS):
         out[i, ETA] = NOTHING
-    top = -AROUND
-    whole_far, nearest, any_near = np.empty(n, dtype=np.bool_), 1e300, False
-    for i in range(n):
-        # The ruling as a whole, before its halves.
-        u = -1.0 + i * width
-        foot, t = ruling(ga, u)
-        if sheet:
-            least = _look(foot, t, 0.0, 1.0, feet, vectors, dips, limit, sq, ws, ts)
-        else:
-            f, tl = back(r, sub(foot, p)), back(r, t)
-            least = 1e300
-            for j in range(9):
-                least = min(least, 2.0 * _from_circle(f, tl, 0.125 * j, gb[0])[2])
-            least -= 0.25 * 0.125**2 * dot(t, t)
-        whole_far[i] = least > limit
-        nearest, any_near = min(nearest, least), any_near or not whole_far[i]
-    if not any_near:
-        return reach - math.sqrt(nearest - dip)
+    eta, slope, zs = np.empty(n), np.empty(n), np.zeros((n, 4))
     for h in range(3):
-        a, b = _track(h)
         for i in range(n):
-            u = -1.0 + i * width
-            far[i], eta[i], slope[i] = whole_far[i], NOTHING, 0.0
-            if far[i] and not (i > 0 and not whole_far[i - 1]) and not (
-                i < n - 1 and not whole_far[i + 1]
-            ):
+            eta[i], slope[i] = NOTHING, 0.0
+            # Beside one that is near, one that is far is followed as well: a crest needs both ends.
+            if far[i] and not (i > 0 and not far[i - 1]) and not (i < n - 1 and not far[i + 1]):
                 continue
-            # Beside one that is near, one that is far is followed as well: a bracket needs both ends.
-            lim = 1e300 if far[i] else limit
+            u = -1.0 + i * WIDTH
             if sheet:
-                eta[i], slope[i], _ = _on_sheet(
-                    u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, lim, sq, ws, ts, z, lo, hi, keep
-                )
+                eta[i], slope[i] = _on_sheet(u, h, pose, room, 1e300 if far[i] else limit)
+            else:
+                eta[i], slope[i] = _on_circle(u, h, pose, z)
+            if eta[i] > NOTHING:
                 zs[i] = z
-            else:
-                eta[i], zs[i, 1], slope[i] = _on_circle(u, h, ga, gb[0], reach, ca, e, r, p)
-                zs[i, 0] = u
-        for i in range(n):
-            if eta[i] == NOTHING:
-                continue
-            # Cells on both sides of a border have its points.
-            col = i // LOOKS
-            edge = i % LOOKS == 0
-            if h < 2:
-                if col < ACROSS:
-                    _raise(out, 2 * col + h, eta[i], zs[i])
-                if edge and col > 0:
-                    _raise(out, 2 * col - 2 + h, eta[i], zs[i])
-                if edge and 0 < col < ACROSS:
-                    _raise(out, SIDE_BORDER + 2 * (col - 1) + h, eta[i], zs[i])
-            else:
-                if col < ACROSS:
-                    _raise(out, ROW_BORDER + col, eta[i], zs[i])
-                if edge and col > 0:
-                    _raise(out, ROW_BORDER + col - 1, eta[i], zs[i])
-                if edge and 0 < col < ACROSS:
-                    _raise(out, CORNER + col - 1, eta[i], zs[i])
+                _count(out, h, i, eta[i], z)
         for i in range(n - 1):
-            if slope[i] <= 0.0 or slope[i + 1] >= 0.0 or eta[i] == NOTHING or eta[i + 1] == NOTHING:
-                continue
-            col = i // LOOKS
-            row = 2 * col + h if h < 2 else ROW_BORDER + col
-            # Regula falsi (Illinois) on the slope; two branches of the profile are followed from both ends.
-            ul, ur, sl, sr = -1.0 + i * width, -1.0 + (i + 1) * width, slope[i], slope[i + 1]
-            two = sheet and (
-                abs(zs[i, 2] - zs[i + 1, 2]) > 0.3
-                or abs(zs[i, 1] - zs[i + 1, 1]) > 0.3 or abs(zs[i, 3] - zs[i + 1, 3]) > 0.3
-            )
-            side = 0
-            z[:] = zs[i] if eta[i] > eta[i + 1] else zs[i + 1]
-            for _ in range(60):
-                u = (ul * sr - ur * sl) / (sr - sl)
-                u = min(max(u, ul + 1e-3 * (ur - ul)), ur - 1e-3 * (ur - ul))
-                if not sheet:
-                    f, w, s = _on_circle(u, h, ga, gb[0], reach, ca, e, r, p)
-                    z[0], z[1] = u, w
-                elif two:
-                    f, s, _ = _on_sheet(u, h, ga, gb, ca, cb, e, r, p, feet, vectors, dips, 1e300, sq,
-                                        ws, ts, z, lo, hi, keep)
-                else:
-                    f, s = _beside(u, h, z, ga, gb, ca, cb, e, r, p, lo, hi)
-                _raise(out, row, f, z)
-                if abs(s) * (ur - ul) < 1e-13 or ur - ul < 1e-10:
-                    break
-                if s > 0.0:
-                    ul, sl = u, s
-                    if side == 1:
-                        sr *= 0.5
-                    side = 1
-                else:
-                    ur, sr = u, s
-                    if side == -1:
-                        sl *= 0.5
-                    side = -1
+            if slope[i] > 0.0 > slope[i + 1] and eta[i] > NOTHING and eta[i + 1] > NOTHING:
+                _crest(out, h, i, zs, eta, slope, pose, room)
+    top = -AROUND
     for i in range(PETAL_ELEMENTS):
         top = max(top, out[i, ETA])
         if out[i, ETA] <= 0.0:
@@ -677,7 +681,7 @@ def petal_elements(out, sheet, ga, gb, kc, exponent, r, p):
         z[:] = out[i, AT : AT + 4]
         if sheet:
             x, y = _sheets(z, ga, gb, r, p)
-            _fill(out[i], x, sub(y, x), ga[5], reach, gain(ca, e, z[1], cb, z[3])[0])
+            _fill(out[i], x, sub(y, x), ga[5], reach, gain(ca, pose[5], z[1], cb, z[3])[0])
         else:
-            _circle_element(out[i], z[0], z[1], ga, gb[0], reach, ca, e, r, p)
+            _circle_element(out[i], z, pose)
     return top
