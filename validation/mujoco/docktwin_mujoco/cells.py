@@ -27,8 +27,8 @@ PLACES, EIGHTHS, IN_EIGHTH = 8, 8, 4
 # Where two cells stand equally high above their border they share its force evenly, m.
 EVEN = 1e-6
 # Width of (N9) within an arc, as a part of `merge_depth_m`, which is that of the lowest border. At 1 rings
-# face to face store most when they are exactly flat; at 1/4 they would store least.
-ARC_WIDTH = 1.0
+# face to face would store most when they are exactly flat, and tip; at 1/4 they store least.
+ARC_WIDTH = 0.25
 
 
 @njit(cache=True)

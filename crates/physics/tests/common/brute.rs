@@ -280,26 +280,28 @@ impl<'a> Brute<'a> {
         const ARCS: u32 = 32;
         let w = self.m.contact.merge_depth_m;
         let at = |i: u32| TAU * f64::from(i) / f64::from(ARCS);
-        // Half of |x|, rounded.
-        let half = |x: f64| {
+        // Half of |x|, rounded over w.
+        let half = |x: f64, w: f64| {
             let y = (x.abs() / w).min(1.0);
             if y < 1.0 { w * (y * y - 0.5 * y * y * y) } else { 0.5 * x.abs() }
         };
-        let rise = |x: f64| {
+        let rise = |x: f64, w: f64| {
             let y = (x.max(0.0) / w).min(1.0);
             if y < 1.0 { w * (2.0 * y * y - y * y * y) } else { x }
         };
+        // The page gives the arcs a quarter of the width.
+        let arc = 0.25 * w;
         let nodes: Vec<f64> = (0..ARCS).map(|i| self.rings(x_rp, at(i), at(i), 1)).collect();
         let mut sum = 0.0;
         for i in 0..ARCS {
             let (a, b) = (nodes[i as usize], nodes[((i + 1) % ARCS) as usize]);
             let deepest = self.rings(x_rp, at(i), at(i + 1), 200);
-            let ends = 0.5 * (a + b) + half(a - b);
-            sum += self.stored(ends + rise(deepest - ends)) - self.stored(a);
+            let ends = 0.5 * (a + b) + half(a - b, arc);
+            sum += self.stored(ends + rise(deepest - ends, arc)) - self.stored(a);
         }
         let mut low = nodes;
         while low.len() > 1 {
-            low = low.chunks(2).map(|c| 0.5 * (c[0] + c[1]) - half(c[0] - c[1])).collect();
+            low = low.chunks(2).map(|c| 0.5 * (c[0] + c[1]) - half(c[0] - c[1], w)).collect();
         }
         sum + self.stored(low[0])
     }

@@ -236,6 +236,11 @@ impl<'a> RingPair<'a> {
     }
 }
 
+/// Width of the smooth extremes within an arc, over that of the lowest border. With equal widths two rings
+/// flat on each other would store most when exactly flat, and tip: what smoothing takes off the lowest
+/// border by tilting them must be less than what it adds to the arcs.
+const ARC_SHARE: f64 = 0.25;
+
 /// Depths of all elements and what they are made of.
 struct Depths {
     nodes: [f64; ARCS],
@@ -297,8 +302,9 @@ impl RingPair<'_> {
             } else {
                 Deepest { azimuth: nodes[i].azimuth, depth: surely }
             };
-            let (s, first) = smooth_max(at[i], at[j], self.width);
-            let (over, lift) = rise(found.depth - s, self.width);
+            let width = ARC_SHARE * self.width;
+            let (s, first) = smooth_max(at[i], at[j], width);
+            let (over, lift) = rise(found.depth - s, width);
             out.arcs[i] = if surely > 0.0 { s + over } else { surely };
             out.deepest[i] = found;
             out.weights[i] = [(1.0 - lift) * first, (1.0 - lift) * (1.0 - first), lift];
@@ -341,7 +347,12 @@ impl RingPair<'_> {
                 elastic_n += n * push.force_n;
             }
             let rubs = || arcs.clone().map(|i| (i, rubbing[i].max(0.0)));
-            self.touch(out, d, eighth, rubs, elastic_n);
+            // What is left of each arc's own force damps: one damper in all where the ring lies flat.
+            let share = arcs.clone().map(|i| match elastic.force(d.arcs[i]) {
+                own if own > 0.0 => (rubbing[i].max(0.0) / own).min(1.0),
+                _ => 0.0,
+            });
+            self.touch(out, d, eighth, rubs, (elastic_n, share.sum::<f64>().min(1.0)));
         }
         out.level_rubbing(net);
     }
@@ -353,7 +364,7 @@ impl RingPair<'_> {
         d: &Depths,
         eighth: usize,
         rubs: impl Fn() -> I,
-        elastic: DVec3,
+        (elastic, share): (DVec3, f64),
     ) {
         let deep = rubs().map(|(i, _)| d.arcs[i]).fold(f64::NEG_INFINITY, f64::max);
         if deep <= 0.0 {
@@ -367,7 +378,7 @@ impl RingPair<'_> {
             depth: rubs().map(|(i, _)| d.deepest[i].depth).fold(0.0, f64::max),
             elastic,
             rubbing_n: total,
-            share: 1.0,
+            share,
             ..Touch::NONE
         };
         let (mut torque, mut squares) = (DVec3::ZERO, 0.0);
