@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, time::Instant as WallInstant};
 
-use docktwin_core::{SimTime, Tick};
+use docktwin_core::{SimTime, Tick, Wrench};
 use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_physics::{
     body::BodyState,
@@ -185,6 +185,13 @@ impl<'a> Rehearsal<'a> {
     }
 }
 
+/// A body whose control wrench is not finite. An engine may pass over one, and its state stays finite.
+fn not_finite_control(control: &Inputs) -> Option<&'static str> {
+    let finite = |w: &Wrench| w.f.is_finite() && w.m.is_finite();
+    let bodies = [("chaser", &control.chaser), ("target", &control.target)];
+    bodies.into_iter().find(|(_, w)| !finite(w)).map(|(name, _)| name)
+}
+
 /// A body whose state is not finite.
 fn not_finite(now: &Instant) -> Option<&'static str> {
     let bodies = ["chaser", "docking ring", "target"].into_iter().zip(&now.state.bodies);
@@ -356,6 +363,13 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             wrenches = self.thrusts.wrenches(&situation);
             wrenches.chaser += control.chaser;
             wrenches.target += control.target;
+            if let Some(body) = not_finite_control(&wrenches) {
+                self.stop(&format!(
+                    "the control wrench of the {body} is not finite in tick {}: look at what controls it",
+                    self.tick
+                ));
+                wrenches = Inputs::default();
+            }
         }
         self.record(&situation, &wrenches);
         if self.last {
@@ -439,5 +453,27 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             summary.degrade(&e.to_string());
         }
         (summary, self.sink)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use docktwin_core::DVec3;
+    use docktwin_scenario::Loader;
+
+    use super::*;
+
+    #[test]
+    fn regress_a_body_that_is_not_finite_is_named() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let scenario = Loader::new().load(&path.join("apas_nominal.toml")).expect("a scenario");
+        let (system, bodies) = start(&scenario).expect("the sides are apart");
+        let twin = TickedTwin::new(TwinKind::Reduced, system, bodies, 1_000_000, 10);
+        let mut now = twin.instant(0.0);
+        assert_eq!(not_finite(&now), None);
+        for (i, name) in ["chaser", "docking ring", "target"].into_iter().enumerate().rev() {
+            now.state.bodies[i].v = DVec3::NAN;
+            assert_eq!(not_finite(&now), Some(name));
+        }
     }
 }

@@ -1,5 +1,5 @@
-//! Case C5: a state that is not finite ends the run, which says which body and when, with one outcome
-//! whatever is recorded.
+//! Case C5 and its kind: what is not finite ends the run, which says which body and when, with one outcome
+//! whatever twin runs and whatever is recorded.
 
 use std::path::Path;
 
@@ -29,15 +29,18 @@ fn run(twin: TwinKind, sink: &mut impl Sink) -> Summary {
 }
 
 #[test]
-fn regress_a_state_that_is_not_finite_ends_the_run() {
+fn regress_a_control_wrench_that_is_not_finite_ends_the_run() {
     let at = tempfile::tempdir().expect("a folder");
     for twin in [TwinKind::Reduced, TwinKind::Full] {
         let dir = at.path().join(twin.name());
         let summaries = [run(twin, &mut SummaryOnly), run(twin, &mut RunDirectory::new(&dir))];
         for s in &summaries {
-            assert_eq!((s.outcome, s.verdict), (Outcome::Stopped, Verdict::Fail));
+            assert_eq!((s.outcome, s.verdict), (Outcome::Stopped, Verdict::Fail), "{twin:?} {s:?}");
             let why = s.failure_reason.as_deref().expect("a reason");
-            assert!(why.contains("the state of the target is not finite after tick 50"), "{why}");
+            assert!(
+                why.contains("the control wrench of the target is not finite in tick 50"),
+                "{why}"
+            );
         }
         let mut log = RunReader::open(&dir).expect("a log");
         let column = log.column_index("target_position_y_m").expect("a column");
