@@ -162,7 +162,8 @@ fn regress_spacecraft_in_other_units_are_refused_or_flagged() {
         (INERTIA, &wide, "flagged", "right only with large panels"),
         (INERTIA, &thin, "flagged", "fills the hull evenly has 0.955 m"),
         (MASS, "<mass value=\"7960900\"/>", "refused", "the densest material has 22590"),
-        (MASS, "<mass value=\"7.9609\"/>", "flagged", "less than an empty tank"),
+        (MASS, "<mass value=\"7.9609\"/>", "refused", "radius of gyration about X is 30.2 m"),
+        (MASS, "<mass value=\"150\"/>", "flagged", "less than an empty tank"),
         (PORT, &far, "flagged", "looks like millimetres"),
         (PORT, &near, "", "0.700 m outside of the hull"),
         (
