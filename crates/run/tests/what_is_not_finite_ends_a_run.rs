@@ -20,7 +20,7 @@ fn run(twin: TwinKind, sink: &mut impl Sink) -> Summary {
     let broken = |now: &Situation| {
         let mut out = Inputs::default();
         if now.time_s > 0.0495 {
-            out.target.f = DVec3::Y / (now.time_s - now.time_s);
+            out.target.f = DVec3::Y / (now.x_34.p.x * 0.0);
         }
         out
     };
