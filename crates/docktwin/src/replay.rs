@@ -12,29 +12,35 @@ use crate::{
 
 /// Runs the command.
 pub(crate) fn run(args: &ReplayArgs, as_json: bool) -> Result<ExitCode, Failure> {
-    let Replayed { ticks, cut, first_difference } = Replay::open(&args.run)?.run()?;
+    let found = Replay::open(&args.run)?.run()?;
+    let Replayed { ticks, signals, unknown, cut, first_difference } = found;
     let same = first_difference.is_none();
     if as_json {
         let difference = first_difference.map(|d| {
             json!({
-                "tick": d.tick, "time_s": d.time_s,
-                "recorded": format!("{:016x}", d.recorded),
-                "replayed": format!("{:016x}", d.replayed),
+                "tick": d.tick, "time_s": d.time_s, "signal": d.signal,
+                "recorded": d.recorded, "replayed": d.replayed,
             })
         });
         println!(
             "{}",
-            json!({ "identical": same, "ticks": ticks, "first_difference": difference, "cut": cut })
+            json!({
+                "identical": same, "ticks": ticks, "signals": signals,
+                "first_difference": difference, "not_compared": unknown, "cut": cut,
+            })
         );
     } else {
         if let Some(cut) = &cut {
             eprintln!("the recording is cut: {cut}");
         }
+        if !unknown.is_empty() {
+            eprintln!("not compared, this version does not know them: {}", unknown.join(", "));
+        }
         match first_difference {
-            None => println!("identical: {ticks} ticks, every state digest the same"),
+            None => println!("identical: {ticks} ticks, every bit of {signals} signals the same"),
             Some(d) => println!(
-                "differs first at tick {} (t = {:.3} s): recorded {:016x}, replayed {:016x}",
-                d.tick, d.time_s, d.recorded, d.replayed
+                "differs first at tick {} (t = {:.3} s), {}: recorded {}, replayed {}",
+                d.tick, d.time_s, d.signal, d.recorded, d.replayed
             ),
         }
     }

@@ -157,7 +157,7 @@ pub struct ContactRow {
 
 impl ContactRow {
     /// Names of the numbers, in the order of [`Self::numbers`].
-    pub(crate) const NUMBERS: [&str; 11] = [
+    pub const NUMBERS: [&str; 11] = [
         "point_w_m.x",
         "point_w_m.y",
         "point_w_m.z",
@@ -171,7 +171,7 @@ impl ContactRow {
         "friction_w_n.z",
     ];
 
-    pub(crate) fn numbers(&self) -> [f64; 11] {
+    pub fn numbers(&self) -> [f64; 11] {
         let (p, n, t) = (self.point_w_m, self.normal_w, self.friction_w_n);
         [p.x, p.y, p.z, n.x, n.y, n.z, self.depth_m, self.normal_force_n, t.x, t.y, t.z]
     }

@@ -1,36 +1,39 @@
-//! A replay: the recorded control wrenches through the same twin, compared tick by tick.
+//! A replay: the recorded control wrenches through the same twin, every recorded signal compared tick by
+//! tick, bit by bit.
 
+mod comparison;
 mod with_rig;
 
 use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Wrench};
 use docktwin_physics::reduced::Inputs;
-use docktwin_record::{Cell, RunReader};
+use docktwin_record::{Cell, RunReader, TickRecord};
 use docktwin_scenario::{Scenario, load_scenario};
 
+use self::comparison::{Comparison, DIGEST};
 use crate::{
-    error::RunError,
-    provenance::same_files,
-    setup::{start, tick_digest},
-    signals::input_columns,
-    twin::{TickedTwin, TwinKind},
+    error::RunError, provenance::same_files, rehearsal::Rehearsal, signals::input_columns,
+    twin::TwinKind,
 };
 
 /// Steps in one tick, as a scenario may ask for.
 const MOST_STEPS: u32 = 10_000;
 
 /// Where a replay first differs.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// Tick.
     pub tick: u64,
     /// Its time, s.
     pub time_s: f64,
-    /// Digest as recorded.
-    pub recorded: u64,
-    /// Digest of the replay.
-    pub replayed: u64,
+    /// Column that differs, or `tick`, `time`, `contacts`, `contacts[2].depth_m`; `state_digest` where the
+    /// state itself does.
+    pub signal: String,
+    /// As recorded; a digest in hexadecimal.
+    pub recorded: String,
+    /// As it comes out now.
+    pub replayed: String,
 }
 
 /// What a replay found.
@@ -38,6 +41,10 @@ pub struct Difference {
 pub struct Replayed {
     /// Ticks that were compared.
     pub ticks: u64,
+    /// Signals compared in each of them.
+    pub signals: usize,
+    /// Recorded columns that this version does not know, and could not compare.
+    pub unknown: Vec<String>,
     /// Why the recording ends before the run did.
     pub cut: Option<String>,
     /// The first tick that differs.
@@ -45,18 +52,14 @@ pub struct Replayed {
 }
 
 /// A recorded tick as far as a replay needs it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct RecordedTick {
-    /// Number.
-    tick: u64,
-    /// Time, s.
-    time_s: f64,
     /// Control wrenches.
     control: Inputs,
     /// `loop_phase`; 0 where there is none.
     phase: u64,
-    /// Digest of the tick.
-    digest: u64,
+    /// All of it.
+    whole: TickRecord,
 }
 
 /// A recording, opened for a replay.
@@ -145,32 +148,29 @@ impl Replay {
     fn next(&mut self) -> Result<Option<RecordedTick>, RunError> {
         let columns = &self.columns;
         Ok(self.reader.next_tick()?.map(|t| RecordedTick {
-            tick: t.tick.0,
-            time_s: t.time.seconds(),
             control: columns.control(&t.row),
             phase: columns.phase.map_or(0, |i| t.row[i].bits()),
-            digest: t.row[columns.digest].bits(),
+            whole: t,
         }))
     }
 
     fn rehearsal(&mut self, found: &mut Replayed) -> Result<(), RunError> {
         let scenario = load_scenario(&self.run.join("scenario.toml"), &[])?;
         same_files(&scenario.files, self.metadata(), &self.run)?;
-        let mut twin = self.twin(&scenario)?;
+        let mut run = self.twin(&scenario)?.begin(Comparison::with(&self.reader))?;
         while let Some(t) = self.next()? {
-            found.ticks += 1;
-            let replayed = tick_digest(twin.twin().digest(), &t.control).short();
-            if t.digest != replayed {
-                found.first_difference = Some(t.differs(replayed));
+            run.sink_mut().expect(t.whole);
+            run.tick_as_recorded(&t.control);
+            if run.sink_mut().differs() {
                 break;
             }
-            twin.tick(&t.control);
         }
+        run.sink_mut().give(found);
         Ok(())
     }
 
     /// The twin that made the recording, at its start.
-    fn twin(&self, scenario: &Scenario) -> Result<TickedTwin, RunError> {
+    fn twin<'a>(&self, scenario: &'a Scenario) -> Result<Rehearsal<'a>, RunError> {
         let (tick_nanos, steps) = (self.number("tick_nanos")?, self.number("steps_per_tick")?);
         if tick_nanos != scenario.run.tick_nanos {
             return Err(self.damaged(format!(
@@ -192,22 +192,14 @@ impl Replay {
                 "this version knows `full` and `reduced`",
             )
         })?;
-        let (system, bodies) = start(scenario)?;
-        Ok(TickedTwin::new(kind, system, bodies, tick_nanos, in_tick))
+        Rehearsal::as_recorded(scenario, kind, in_tick)
     }
 }
 
-impl RecordedTick {
-    const fn differs(&self, replayed: u64) -> Difference {
-        Difference { tick: self.tick, time_s: self.time_s, recorded: self.digest, replayed }
-    }
-}
-
-/// Where control wrenches, phase and digest stand in a row.
+/// Where control wrenches and phase stand in a row.
 struct Columns {
     inputs: Vec<usize>,
     phase: Option<usize>,
-    digest: usize,
 }
 
 impl Columns {
@@ -220,10 +212,10 @@ impl Columns {
                 )
             })
         };
+        index(DIGEST)?;
         Ok(Self {
             inputs: input_columns().iter().map(|n| index(n)).collect::<Result<_, _>>()?,
             phase: reader.column_index("loop_phase"),
-            digest: index("state_digest")?,
         })
     }
 

@@ -27,7 +27,7 @@ use crate::{
 };
 
 /// Takes the ticks of a loop in, and makes the record and the summary of them.
-pub(super) struct HilRecorder<'a, S> {
+pub(crate) struct HilRecorder<'a, S> {
     scenario: &'a Scenario,
     system: System,
     seed: u64,
@@ -50,7 +50,7 @@ pub(super) struct HilRecorder<'a, S> {
 }
 
 impl<'a, S: Sink> HilRecorder<'a, S> {
-    pub(super) fn begin(run: &HilRun<'a>, mut sink: S, timed: bool) -> Result<Self, RunError> {
+    pub(crate) fn begin(run: &HilRun<'a>, mut sink: S, timed: bool) -> Result<Self, RunError> {
         let scenario = run.scenario;
         let (columns, pair_names) = (hil_columns(), pair_names(scenario));
         let metadata = run.metadata();
@@ -86,6 +86,11 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         })
     }
 
+    /// Where the run goes.
+    pub(crate) const fn sink_mut(&mut self) -> &mut S {
+        &mut self.sink
+    }
+
     fn time(&self, tick: u64) -> SimTime {
         SimTime::of_tick(Tick(tick), self.scenario.run.tick_nanos)
     }
@@ -97,7 +102,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
     }
 
     /// Takes a tick in; true when the run is to end.
-    pub(super) fn take(&mut self, r: &TickRecord) -> bool {
+    pub(crate) fn take(&mut self, r: &TickRecord) -> bool {
         let time = self.time(self.ticks);
         see(&mut self.situation, r);
         self.watch_loop(r);
