@@ -13,8 +13,17 @@ use crate::{
 /// Runs the command.
 pub(crate) fn run(args: &ReplayArgs, as_json: bool) -> Result<ExitCode, Failure> {
     let found = Replay::open(&args.run)?.run()?;
-    let Replayed { ticks, signals, unknown, cut, first_difference } = found;
-    let same = first_difference.is_none();
+    let same = found.identical();
+    let Replayed {
+        ticks,
+        signals,
+        unknown,
+        cut,
+        first_difference,
+        summary_difference,
+        figures,
+        not_as_recorded,
+    } = found;
     if as_json {
         let difference = first_difference.map(|d| {
             json!({
@@ -22,26 +31,43 @@ pub(crate) fn run(args: &ReplayArgs, as_json: bool) -> Result<ExitCode, Failure>
                 "recorded": d.recorded, "replayed": d.replayed,
             })
         });
+        let summary = summary_difference
+            .map(|d| json!({ "key": d.key, "recorded": d.recorded, "replayed": d.replayed }));
         println!(
             "{}",
             json!({
                 "identical": same, "ticks": ticks, "signals": signals,
                 "first_difference": difference, "not_compared": unknown, "cut": cut,
+                "not_as_recorded": not_as_recorded,
+                "summary_difference": summary, "summary_figures": figures,
             })
         );
-    } else {
-        if let Some(cut) = &cut {
-            eprintln!("the recording is cut: {cut}");
-        }
-        if !unknown.is_empty() {
-            eprintln!("not compared, this version does not know them: {}", unknown.join(", "));
-        }
-        match first_difference {
-            None => println!("identical: {ticks} ticks, every bit of {signals} signals the same"),
-            Some(d) => println!(
-                "differs first at tick {} (t = {:.3} s), {}: recorded {}, replayed {}",
-                d.tick, d.time_s, d.signal, d.recorded, d.replayed
-            ),
+        return Ok(ExitCode::from(if same { 0 } else { OTHERWISE }));
+    }
+    if let Some(cut) = &cut {
+        eprintln!("the recording is cut or damaged: {cut}");
+    }
+    if !unknown.is_empty() {
+        eprintln!("not compared, this version does not know them: {}", unknown.join(", "));
+    }
+    match (first_difference, summary_difference) {
+        (Some(d), _) => println!(
+            "differs first at tick {} (t = {:.3} s), {}: recorded {}, replayed {}",
+            d.tick, d.time_s, d.signal, d.recorded, d.replayed
+        ),
+        (None, Some(d)) => println!(
+            "every bit of {signals} signals is the same in {ticks} ticks, but summary.json differs: \
+             {} is {}, replayed {}",
+            d.key, d.recorded, d.replayed
+        ),
+        (None, None) if not_as_recorded => println!(
+            "not what was recorded, although {ticks} ticks of {signals} signals come out the same"
+        ),
+        (None, None) => {
+            println!("identical: {ticks} ticks, every bit of {signals} signals the same");
+            if figures > 0 {
+                println!("{figures} figures of summary.json follow from them");
+            }
         }
     }
     Ok(ExitCode::from(if same { 0 } else { OTHERWISE }))

@@ -363,10 +363,14 @@ impl<S: Sink> RunningRehearsal<'_, S> {
         *self.now = self.twin.instant(self.time().seconds());
     }
 
-    /// One tick of a recording: `control` is all that acts, the scenario's thrusts included.
-    pub(crate) fn tick_as_recorded(&mut self, control: &Inputs) {
+    /// The tick to come as it was recorded: `control` is all that acts, the scenario's thrusts included.
+    pub(crate) fn record_as_recorded(&mut self, control: &Inputs) {
         let situation = self.situation();
         self.record(&situation, control);
+    }
+
+    /// On to the next tick under the control wrenches of this one.
+    pub(crate) fn step_as_recorded(&mut self, control: &Inputs) {
         self.twin.tick(control);
         self.tick += 1;
         *self.now = self.twin.instant(self.time().seconds());

@@ -2,13 +2,14 @@
 //! tick, bit by bit.
 
 mod comparison;
+mod figures;
 mod with_rig;
 
 use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Wrench};
 use docktwin_physics::reduced::Inputs;
-use docktwin_record::{Cell, RunReader, TickRecord};
+use docktwin_record::{Cell, Flaw, RunReader, Summary, TickRecord};
 use docktwin_scenario::{Scenario, load_scenario};
 
 use self::comparison::{Comparison, DIGEST};
@@ -47,8 +48,37 @@ pub struct Replayed {
     pub unknown: Vec<String>,
     /// Why the recording ends before the run did.
     pub cut: Option<String>,
+    /// Whether the rows, the summary or a file are not those of the run by their digests, or the log is
+    /// damaged between others: `cut` says which.
+    pub not_as_recorded: bool,
     /// The first tick that differs.
     pub first_difference: Option<Difference>,
+    /// The first figure of `summary.json` that does not follow from the ticks; only where every tick of the
+    /// run was compared.
+    pub summary_difference: Option<FigureDifference>,
+    /// Figures of `summary.json` that were compared.
+    pub figures: usize,
+}
+
+impl Replayed {
+    /// Whether every bit came out as it was recorded, as far as the recording goes.
+    #[must_use]
+    pub const fn identical(&self) -> bool {
+        self.first_difference.is_none()
+            && self.summary_difference.is_none()
+            && !self.not_as_recorded
+    }
+}
+
+/// A figure of the summary that the replay does not give.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FigureDifference {
+    /// Key of `summary.json`.
+    pub key: String,
+    /// As it stands there.
+    pub recorded: String,
+    /// As it comes out now.
+    pub replayed: String,
 }
 
 /// A recorded tick as far as a replay needs it.
@@ -75,7 +105,8 @@ impl Replay {
     /// # Errors
     /// It cannot be read, or lacks what a replay needs.
     pub fn open(run: &Path) -> Result<Self, RunError> {
-        let reader = RunReader::open(run)?;
+        // Every row is compared anyway: one that does not fit its digest is named by its signal.
+        let reader = RunReader::open(run)?.unchecked();
         let columns = Columns::find(&reader, run)?;
         Ok(Self { run: run.to_owned(), reader, columns })
     }
@@ -92,7 +123,9 @@ impl Replay {
         } else {
             self.rehearsal(&mut found)?;
         }
-        found.cut = self.reader.cut().map(|c| c.to_string());
+        let cut = self.reader.cut();
+        found.cut = cut.map(ToString::to_string);
+        found.not_as_recorded = cut.is_some_and(|c| !c.merely_ends());
         if found.ticks == 0 {
             let why = found.cut.unwrap_or_else(|| "it ends before the first".to_owned());
             return Err(RunError::usage(
@@ -144,6 +177,12 @@ impl Replay {
         )
     }
 
+    /// Whether scenario and models are those that were kept with the run.
+    fn check_files(&self) -> Result<(), RunError> {
+        let changed = self.reader.changed_files();
+        if changed.is_empty() { Ok(()) } else { Err(self.damaged(changed.join("\n"))) }
+    }
+
     /// The next recorded tick.
     fn next(&mut self) -> Result<Option<RecordedTick>, RunError> {
         let columns = &self.columns;
@@ -157,16 +196,44 @@ impl Replay {
     fn rehearsal(&mut self, found: &mut Replayed) -> Result<(), RunError> {
         let scenario = load_scenario(&self.run.join("scenario.toml"), &[])?;
         same_files(&scenario.files, self.metadata(), &self.run)?;
-        let mut run = self.twin(&scenario)?.begin(Comparison::with(&self.reader))?;
+        let twin = self.twin(&scenario)?;
+        self.check_files()?;
+        let mut run = twin.begin(Comparison::with(&self.reader))?;
+        let mut held: Option<Inputs> = None;
         while let Some(t) = self.next()? {
+            if let Some(control) = held.replace(t.control) {
+                run.step_as_recorded(&control);
+            }
             run.sink_mut().expect(t.whole);
-            run.tick_as_recorded(&t.control);
+            run.record_as_recorded(&t.control);
             if run.sink_mut().differs() {
                 break;
             }
         }
         run.sink_mut().give(found);
+        if self.all_compared(found) {
+            let (replayed, _) = run.finish();
+            self.compare_summary(&replayed, found);
+        }
         Ok(())
+    }
+
+    /// Whether every tick of the run was compared and is the same.
+    fn all_compared(&self, found: &Replayed) -> bool {
+        let whole = self.reader.cut().is_none_or(|c| c.flaw == Flaw::Foreign);
+        whole && found.ticks > 0 && found.first_difference.is_none()
+    }
+
+    /// Holds the figures of `summary.json` that follow from the ticks against those of the replay.
+    fn compare_summary(&self, replayed: &Summary, found: &mut Replayed) {
+        // One that cannot be read is told by the reader.
+        let Ok(Some(recorded)) = self.reader.summary() else { return };
+        if recorded.recording.as_ref().is_some_and(|r| r.dropped_ticks > 0) {
+            return;
+        }
+        let (figures, difference) = figures::compare(&recorded, replayed);
+        found.figures = figures;
+        found.summary_difference = difference;
     }
 
     /// The twin that made the recording, at its start.

@@ -15,8 +15,8 @@ use docktwin_physics::reduced::Inputs;
 use docktwin_record::Summary;
 use docktwin_rigport::rig::Rig;
 
-pub(crate) use self::{prepare::kept_name, recorder::HilRecorder};
 pub use self::prepare::{HilOptions, HilRun};
+pub(crate) use self::{prepare::kept_name, recorder::HilRecorder};
 use crate::{
     control::{Control, Situation},
     error::RunError,

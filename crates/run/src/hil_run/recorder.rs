@@ -5,7 +5,7 @@ use std::time::Duration;
 use docktwin_control::safety::Trip;
 use docktwin_core::{SimTime, Tick};
 use docktwin_hil::scheduler::{Phase, TickRecord};
-use docktwin_physics::mechanism::System;
+use docktwin_physics::{mechanism::System, outcome::Judgement};
 use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_scenario::{ExpectedOutcome, Scenario};
 
@@ -195,8 +195,8 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
                 && monitor.decided(time_s, self.thrusts.ahead(&now)))
     }
 
-    /// Judges the run and closes the sink.
-    pub(super) fn finish(mut self, ended: &Ended, wall: Duration) -> (Summary, S) {
+    /// What follows from the ticks alone, whatever ended them.
+    pub(crate) fn judged(&self) -> (Summary, Judgement) {
         let last = self.ticks.saturating_sub(1);
         let time = self.time(last);
         let judgement = self.observer.monitor().judge(time.seconds());
@@ -204,10 +204,18 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let asked = Asked { scenario: &self.scenario.name, expect: &expect, seed: self.seed };
         let state = self.watcher.state();
         let mut summary = self.observer.summary(&asked, state, &judgement, last, time);
-        self.judge_end(&mut summary, ended, expect.outcome);
+        summary.fidelity = Some(self.meter.fidelity());
+        (summary, judgement)
+    }
+
+    /// Judges the run and closes the sink.
+    pub(super) fn finish(mut self, ended: &Ended, wall: Duration) -> (Summary, S) {
+        let last = self.ticks.saturating_sub(1);
+        let time = self.time(last);
+        let (mut summary, judgement) = self.judged();
+        self.judge_end(&mut summary, ended, self.scenario.expect.of_hil().outcome);
         summary.loop_ = Some(loop_summary(ended));
         summary.step_us = step_summary(ended);
-        summary.fidelity = Some(self.meter.fidelity());
         summary.safety = Some(safety_summary(ended));
         if let Some(why) = &ended.lacking {
             summary.degrade(why);

@@ -64,6 +64,7 @@ pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), Ru
     {
         return Err(damaged(replay, "the rig is not the one of the recording"));
     }
+    replay.check_files()?;
     let mut recorder = HilRecorder::begin(&prepared, Comparison::with(&replay.reader), false)?;
     let rig = prepared.emulated()?;
     let checks = prepared.checks(&mut ())?;
@@ -89,5 +90,8 @@ pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), Ru
         next = replay.next()?;
     }
     recorder.sink_mut().give(found);
+    if replay.all_compared(found) {
+        replay.compare_summary(&recorder.judged().0, found);
+    }
     Ok(())
 }
