@@ -4,7 +4,10 @@ use std::process::ExitCode;
 
 use docktwin_report::write;
 
-use crate::{cli::ReportArgs, failure::Failure};
+use crate::{
+    cli::ReportArgs,
+    failure::{Failure, OTHERWISE},
+};
 
 /// Runs `report`.
 pub(crate) fn run(args: &ReportArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -17,13 +20,17 @@ pub(crate) fn run(args: &ReportArgs, json: bool) -> Result<ExitCode, Failure> {
                 "path": written.path.display().to_string(),
                 "bytes": written.bytes,
                 "incomplete": written.incomplete,
+                "as_recorded": written.as_recorded,
             })
         );
     } else {
         if let Some(why) = &written.incomplete {
             println!("incomplete run: {why}");
         }
+        if !written.as_recorded {
+            println!("this is not what was recorded; the page says first what differs");
+        }
         println!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(ExitCode::from(if written.as_recorded { 0 } else { OTHERWISE }))
 }
