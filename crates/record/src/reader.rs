@@ -154,6 +154,9 @@ pub struct RunReader {
     assembly: Assembly,
     /// Where records other than the head begin.
     chunks_at: u64,
+    /// End of the last chunk that is what its checksum says: behind it a damaged length may have led past
+    /// whole chunks before it was noticed.
+    sound: u64,
     /// Header and body of the record last read.
     record: Vec<u8>,
     last: Option<(Tick, SimTime)>,
@@ -227,6 +230,7 @@ impl RunReader {
             metadata: BTreeMap::new(),
             assembly: Assembly::new(&[], RowChain::begin(&[], &[], &BTreeMap::new()), false),
             chunks_at: 0,
+            sound: 0,
             record: Vec::new(),
             last: None,
             given: 0,
@@ -340,7 +344,7 @@ impl RunReader {
     /// Ends reading at a damaged place, or goes on behind it.
     fn broken(&mut self, flaw: Flaw, why: &str) -> Result<(), RecordError> {
         let failed = |path: &Path, e: io::Error| RecordError::io("read the log", path, &e);
-        let next = scan::next_chunk(self.file.get_ref(), self.at, MAX_CHUNK_BYTES)
+        let next = scan::next_chunk(self.file.get_ref(), self.sound, MAX_CHUNK_BYTES)
             .map_err(|e| failed(&self.path, e))?;
         let ends = next.is_none() && !self.has_end_mark().map_err(|e| failed(&self.path, e))?;
         let flaw = match flaw {
@@ -436,6 +440,7 @@ impl RunReader {
     /// The file cannot be read.
     pub fn rewind(&mut self) -> Result<(), RecordError> {
         self.seek(self.chunks_at)?;
+        self.sound = self.chunks_at;
         self.assembly.rewind();
         self.last = None;
         self.given = 0;
@@ -650,6 +655,7 @@ impl RunReader {
         }
         let tables = self.read_tables()?;
         self.seek(self.chunks_at)?;
+        self.sound = self.chunks_at;
         self.take_tables(tables)
     }
 
@@ -819,7 +825,10 @@ impl RunReader {
     fn read_chunk(&mut self, before: u64) -> Result<(), Stop> {
         let record = core::mem::take(&mut self.record);
         let read = match bounded::records_of(&record[RECORD_HEADER..], MAX_CHUNK_BYTES) {
-            Ok(records) => self.read_records(&records),
+            Ok(records) => {
+                self.sound = self.at;
+                self.read_records(&records)
+            }
             Err(e) => {
                 self.at = before;
                 Err(e.into())

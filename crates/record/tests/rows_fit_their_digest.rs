@@ -363,6 +363,17 @@ fn invariant_reading_goes_on_behind_a_damaged_chunk() {
         assert!(before == reference[..before.len()]);
         assert!(told.expect("told").to_string().contains("is damaged"));
     }
+    // A record that is none of ours and claims to reach over the next chunks: they are there all the same.
+    let index = all[2].end;
+    let mut hides = bytes.clone();
+    hides[index] = 0x90;
+    let over = (all[5].start - index - 9 + 3) as u64;
+    hides[index + 1..index + 9].copy_from_slice(&over.to_le_bytes());
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(log(&dir), &hides).expect("room");
+    let (ticks, cut, r) = read(open(&dir).over_holes());
+    assert!(right(&ticks) && ticks.len() as u64 == TICKS, "{:?}", r.holes());
+    assert!(cut.is_some());
     // With damage in the header, two holes, and what a machine that died may leave.
     let mut two = bytes.clone();
     two[all[2].start + 3] ^= 0x40;
