@@ -10,7 +10,8 @@ use std::{
 
 use docktwin_record::{RunReader, files, read_summary};
 use docktwin_run::{
-    Rehearsal, RehearsalOptions, Replay, Replayed, RunDirectory, RunError, TwinKind,
+    HilOptions, HilRun, Rehearsal, RehearsalOptions, Replay, Replayed, RunDirectory, RunError,
+    TwinKind,
 };
 use docktwin_scenario::Loader;
 use mcap_rewrite::{Rewrite, rewrite, scale};
@@ -173,4 +174,19 @@ fn regress_a_folder_with_a_line_feed_in_its_name_is_replayable() {
     rehearse(&odd.join(scenario), 0.35, &dir);
     let found = replay(&dir).expect("replayable");
     assert!(found.identical() && found.ticks > 300, "{found:?}");
+}
+
+#[test]
+fn oracle_a_run_against_an_emulated_rig_is_identical_with_its_figures() {
+    let at = tempfile::tempdir().expect("a folder");
+    let dir = at.path().join("run");
+    let loader = Loader::new().set("run.duration_s", 1.0);
+    let scenario = loader.load(&root().join("scenarios/hil_uncompensated.toml"));
+    let scenario = scenario.expect("a scenario");
+    let run = HilRun::new(&scenario, HilOptions::default()).expect("a rig");
+    let rig = run.emulated().expect("a rig");
+    let _ = run.run(rig, &mut RunDirectory::new(&dir)).expect("room");
+    let found = replay(&dir).expect("replayable");
+    assert!(found.identical() && found.cut.is_none(), "{found:?}");
+    assert!(found.figures > 15 && found.signals > 150, "{found:?}");
 }
