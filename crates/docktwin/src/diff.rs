@@ -20,8 +20,8 @@ Without tolerances every bit is compared, and the first tick, body and component
 named. With --tolerance or --tol each column of numbers is judged: the difference may be as large as
 the larger of both; give --tol for what is zero but for rounding, such as the total momentum. Angles are compared on the circle, attitudes up to the sign of the quaternion.
 Outcome and order of the latches must agree; counts and states are told, not judged. Recordings with
-other tick lengths are interpolated to the ticks of A. A cut recording is compared up to the cut. One that is
-damaged or edited, or lies beside the summary of another run, is never called the same.
+other tick lengths are interpolated to the ticks of A. A cut recording is compared up to the cut.
+One that is damaged or edited, or lies beside the summary of another run, is never called the same.
 
 Examples:
   docktwin diff runs/monday runs/tuesday

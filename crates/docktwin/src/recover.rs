@@ -9,17 +9,17 @@ use serde_json::json;
 use crate::failure::{Failure, OTHERWISE};
 
 pub(crate) const EXAMPLES: &str = "\
-run.mcap is written anew with index and end mark from all chunks that can be read, those behind damage
-too; events.jsonl and telemetry.parquet are completed from it, and never replaced by shorter ones. What is
-replaced stays beside it as run.mcap.cut, events.jsonl.cut and telemetry.parquet.cut. Rows that do not fit
-their digest are left out. A whole recording is left alone.
+run.mcap is written anew with index and end mark from all chunks that can be read, those behind
+damage too; events.jsonl and telemetry.parquet are completed from it, and never replaced by shorter
+ones. What is replaced stays beside it as run.mcap.cut, events.jsonl.cut and telemetry.parquet.cut.
+Rows that do not fit their digest are left out. A whole recording is left alone.
 
 Examples:
   docktwin recover runs/apas_nominal-20261122T101500Z
   docktwin recover runs/wide --json
 
-Exit codes: 0 whole, or readable up to where it was cut; 1 ticks are missing between others, or summary.json or
-a model is not that of the run; 2 bad input or usage.";
+Exit codes: 0 whole, or readable up to where it was cut; 1 ticks are missing between others, or
+summary.json or a model is not that of the run; 2 bad input or usage.";
 
 /// Options of `recover`.
 #[derive(Debug, Args)]
