@@ -1,5 +1,5 @@
-//! A control law of one's own: the chaser brakes against a closing speed that is too high, and lets the
-//! thrusters be at first contact.
+//! Your own control law: the chaser brakes while its closing speed is too high; after first contact
+//! the thrusters are off.
 //!
 //! `cargo run --release -p docktwin-run --example 02_control_law`
 

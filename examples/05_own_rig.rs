@@ -1,5 +1,5 @@
-//! A rig of one's own behind the port: here the emulated one, through an adapter that counts commands and
-//! could just as well speak to hardware. `docktwin_run` sees nothing but the trait [`Rig`].
+//! Your own rig: here the emulated one, through an adapter that counts commands; an adapter to
+//! hardware looks the same. `docktwin_run` sees nothing but the trait [`Rig`].
 //!
 //! `cargo run --release -p docktwin-run --example 05_own_rig`
 

@@ -1,4 +1,5 @@
-//! A loop with a rig, stepped by hand: a caller that has a loop of its own, such as a co-simulation.
+//! A loop with a rig, stepped by the caller: for a program with a loop of its own, such as a
+//! co-simulation.
 //!
 //! `cargo run --release -p docktwin-run --example 06_step_by_hand`
 

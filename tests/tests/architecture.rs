@@ -58,9 +58,14 @@ const NEVER: [(&str, &[&str], &[&str]); 9] = [
     ),
 ];
 
-/// Engines that only one room may name, and that room.
-const ONLY: [(&str, &str); 3] =
-    [("rapier*", "docktwin-twin"), ("re_*", "docktwin-view"), ("parry*", "docktwin-physics")];
+/// Engines and devices that only one room may name, and that room.
+const ONLY: [(&str, &str); 5] = [
+    ("rapier*", "docktwin-twin"),
+    ("re_*", "docktwin-view"),
+    ("parry*", "docktwin-physics"),
+    ("crossterm", "docktwin-pilot"),
+    ("evdev", "docktwin-pilot"),
+];
 
 /// What makes a result depend on more than its inputs.
 const UNREPEATABLE: [&str; 4] = ["HashMap", "HashSet", "RandomState", "DefaultHasher"];

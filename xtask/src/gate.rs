@@ -90,7 +90,7 @@ fn say(line: &str) {
 
 fn format(root: &Path) -> Result<(), String> {
     shell::run(&mut shell::cargo(root, &["fmt", "--all", "--check"]))
-        .map_err(|e| format!("{e}; mend it with `cargo fmt --all`"))
+        .map_err(|e| format!("{e}; fix it with `cargo fmt --all`"))
 }
 
 fn lints(root: &Path) -> Result<(), String> {

@@ -26,10 +26,10 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   cargo xtask test                     before every push; .ci/run calls exactly this
-  cargo xtask test --only scenarios    one step again, while mending it
+  cargo xtask test --only scenarios    one step again, while you fix it
   cargo xtask meshes                   after a change of a ring, a petal or a hull
   cargo xtask docs                     the public API, as HTML under target/doc
-  cargo xtask docs-tables              after a change of a key of the models or of a signal";
+  cargo xtask docs-tables              after a change of a key (models, scenarios) or of a signal";
 
 #[derive(Debug, Subcommand)]
 enum Task {
@@ -74,12 +74,13 @@ fn root() -> PathBuf {
     here.parent().unwrap_or(here).to_owned()
 }
 
-/// The tests that hold the pages against the code write them instead.
+/// With UPDATE_DOCS the tests that compare the pages with the code write the pages instead.
 fn docs_tables(root: &Path) -> Result<(), String> {
     let mut tests = shell::cargo(root, &["test", "--quiet", "-p", "docktwin-model"]);
-    tests.args(["-p", "docktwin-run", "--test", "models_page", "--test", "signals_page"]);
+    tests.args(["-p", "docktwin-scenario", "-p", "docktwin-run"]);
+    tests.args(["--test", "models_page", "--test", "scenarios_page", "--test", "signals_page"]);
     shell::run(tests.env("UPDATE_DOCS", "1"))?;
-    println!("docs/models.md, docs/signals.md");
+    println!("docs/models.md, docs/scenarios.md, docs/signals.md");
     Ok(())
 }
 

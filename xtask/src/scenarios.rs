@@ -15,7 +15,7 @@ use crate::shell;
 const TWINS: [&str; 2] = ["full", "reduced"];
 /// Against the emulated rig instead of a twin.
 const HIL: &str = "hil";
-/// Scenarios with attitudes or distances that no rig of this size shows; `hil` refuses them.
+/// Scenarios with attitudes or distances beyond the workspace of the rig; `hil` refuses them.
 const BEYOND_THE_RIG: [&str; 3] = ["apas_rebound", "basic_guide_guide", "free_flight"];
 /// The recordings that are replayed.
 const REPLAYED: &str = "apas_nominal";
@@ -105,7 +105,7 @@ fn check(s: &Value, twin: &str) -> Option<String> {
         return Some(format!("exit 0, but the verdict is {}", s["verdict"]));
     }
     if twin == HIL {
-        // Sensors of a rig conserve nothing; how far it is off is told as fidelity.
+        // Measured forces do not conserve energy exactly; the deviation is reported as fidelity.
         return s["loop"].is_null().then(|| "the summary has no `loop`".to_owned());
     }
     let bound = momentum_bound(twin, duration);

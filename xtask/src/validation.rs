@@ -18,7 +18,7 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
     whole(&last)
 }
 
-/// Whether the closing line of pytest speaks of tests that passed and of nothing else.
+/// Error unless the last line of pytest reports passed tests only.
 fn whole(last: &str) -> Result<(), String> {
     let fine = last.contains(" passed")
         && !["skipped", "failed", "error", "deselected", "xfailed", "xpassed"]

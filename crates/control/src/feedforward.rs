@@ -1,11 +1,12 @@
-//! From a wanted motion of the plate to what every leg is to do: `G_prefilter` of (9).
+//! From a commanded motion of the plate to the commands of the legs: `G_prefilter` of (9).
 //!
-//! Inverse dynamics with the mass matrix of the current pose give the force every leg must push with;
-//! its rate of change over `K_h` is what the oil takes up, its size times `K_ce/A²` what leaks.
+//! Inverse dynamics with the mass matrix of the current pose gives the force of every leg; its rate
+//! of change over `K_h` is the speed of compression of the oil, the force times `K_ce/A²` the
+//! leakage (both as speeds of the leg).
 //!
-//! Every path has its own time. Length and force are compared with what is measured in the same
-//! sample, so they belong to the moment of arrival; flow passes the valve late, so it is commanded
-//! ahead by [`LegTuning::valve_delay_s`] ([`PathTimes`]).
+//! Every path of a command has its own time. Length and force are compared with the measurement of
+//! the same sample, so they belong to the moment of arrival; flow passes the valve late, so it is
+//! commanded ahead by [`LegTuning::valve_delay_s`] ([`PathTimes`]).
 
 use docktwin_core::{Pose, Twist, Wrench};
 use docktwin_physics::{
@@ -49,8 +50,8 @@ impl PlateMotion {
         Self { x_bp, ..Self::default() }
     }
 
-    /// The motion of the plate that shows the mechanisms a relative motion: pose `X_34`, twist, its
-    /// rate and the rate of that, of `e4` against `e3` in axes of `e3`.
+    /// The motion of the plate with which the mechanisms have a relative motion: pose `X_34`,
+    /// twist, its rate and the rate of that, of `e4` against `e3` in axes of `e3`.
     ///
     /// Products of angular velocities in the jerk are left out: 0.1 rad/s and 1 rad/s² make 0.1 m/s³.
     #[must_use]
@@ -171,13 +172,13 @@ impl Feedforward {
         Self { platform, legs, valve_delay_s }
     }
 
-    /// The platform it believes in.
+    /// The platform that it assumes.
     #[must_use]
     pub const fn platform(&self) -> &Platform {
         &self.platform
     }
 
-    /// How much earlier than length and force the flow is wanted, s: mean of the legs.
+    /// By how much the flow is commanded ahead of length and force, s: mean of the legs.
     #[must_use]
     pub fn valve_delay_s(&self) -> f64 {
         self.valve_delay_s.iter().sum::<f64>() / 6.0

@@ -5,10 +5,10 @@
 //! u = lead( v A / (K_q √(1 − sgn(v) p/p_s)) ) − null bias
 //! ```
 //!
-//! Position feedback holds the leg; pressure feedback γ damps the oil column, and acts on what the
-//! pressure has *too much* against what is expected, so that wanted accelerations are not damped;
-//! the high-pass HP lets a steady load stand without pushing the leg away. Friction is a bristle run
-//! on the wanted speed.
+//! Position feedback holds the leg. Pressure feedback γ damps the oil column; it acts on the
+//! *difference* between expected and measured pressure force, so that commanded accelerations are
+//! not damped. The high-pass HP removes steady loads, which would otherwise displace the leg.
+//! Friction is a bristle model driven by the commanded speed.
 
 use docktwin_core::StateHasher;
 use docktwin_model::{HydraulicPreset, SealFriction};
@@ -23,7 +23,7 @@ pub struct LegTuning {
     pub rate_hz: f64,
     /// `k_p`, 1/s. Larger holds stiffer and brings the slow pole up; too large undamps the oil.
     pub position_gain_1_s: f64,
-    /// γ, m/s per N. Larger damps more, until valve and sampling turn it round.
+    /// γ, m/s per N. Larger damps more, until the lag of valve and sampling makes it unstable.
     pub pressure_gain_m_s_n: f64,
     /// Corner of the pressure feedback's high-pass, Hz. Lower lets a payload push the leg further
     /// away, higher takes damping from slow modes.
@@ -131,8 +131,8 @@ pub struct LegController {
 }
 
 impl LegController {
-    /// A controller that takes the leg for `model`: its flow gain, oil, friction, valve and null
-    /// bias. Set the seal friction to zero to do without friction feed-forward.
+    /// A controller that assumes that the leg is `model`: its flow gain, oil, friction, valve and
+    /// null bias. Set the seal friction to zero to do without friction feed-forward.
     #[must_use]
     pub fn new(tuning: LegTuning, model: LegParameters) -> Self {
         let t = tuning.sample_s();
@@ -156,7 +156,7 @@ impl LegController {
         &self.tuning
     }
 
-    /// What it takes the leg for.
+    /// The model of the leg that it assumes.
     #[must_use]
     pub const fn model(&self) -> &LegParameters {
         &self.model
@@ -179,8 +179,8 @@ impl LegController {
             + friction_rate / m.oil.oil_spring_n_m()
             + self.tuning.position_gain_1_s * (target.length_m - measured.length_m)
             + self.tuning.pressure_gain_m_s_n * self.high_pass.run(excess);
-        // Opening that lets this flow through at the pressure that is there; a tenth at least, so
-        // that a sensor's failure does not open the valve without bound.
+        // Opening for this flow at the present pressure; the pressure factor is at least a tenth,
+        // so that a failed sensor does not open the valve without bound.
         let head = 1.0 - speed.signum() * measured.pressure_pa / m.valve.supply_pressure_pa;
         let opening = speed / (m.no_load_speed_m_s() * head.max(0.1).sqrt());
         let command = (self.lead.run(opening) - m.valve.null_bias).clamp(-1.0, 1.0);

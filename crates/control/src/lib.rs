@@ -1,9 +1,10 @@
 //! Control of the motion simulator.
 //!
-//! Two degrees of freedom, as in (9): [`feedforward`] is `G_prefilter`, which turns a wanted motion of
-//! the plate into what every leg is to do, and [`leg`] is `G_Controller`, the fast loop around each
-//! leg. [`rig`] closes the loop around the six-leg rig, [`response`] measures it while it runs, and
-//! [`linear`] is the linear model to lay over.
+//! A controller with two degrees of freedom, as in (9): [`feedforward`] is `G_prefilter`, which
+//! turns a commanded motion of the plate into commands of the legs, and [`leg`] is `G_Controller`,
+//! the fast loop around each leg. [`rig`] closes the loop around the six-leg rig, [`response`]
+//! measures it while it runs, and
+//! [`linear`] is the linear model to compare with.
 //!
 //! No clock, no file, no physics engine; what runs in the loop does not allocate.
 

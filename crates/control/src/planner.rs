@@ -1,9 +1,9 @@
-//! The way of the rig from rest to the initial condition of a docking (§6, locus planning).
+//! Path of the rig from rest to the initial condition of a docking (§6, locus planning).
 //!
-//! First from where it stands to the beginning of the run-up, from rest to rest; then along the free
-//! flight that leads to the initial condition, with its time let go slowly: every pose of the run-up is
-//! one of the free flight, and position, velocity, acceleration and jerk pass into it without a step.
-//! The dynamics loop is closed at its end.
+//! First a move, from rest to rest, from the present pose to the beginning of the run-up. Then the
+//! run-up along the free flight that leads to the initial condition, time-scaled by a smooth ramp:
+//! every pose of the run-up is a pose of the free flight, and at its end position, velocity,
+//! acceleration and jerk are continuous with it. There the loop is closed.
 
 use docktwin_core::{DQuat, DVec3, Pose, Twist};
 use docktwin_physics::programme::{Programme, RelativeMotion};

@@ -36,9 +36,9 @@ pub struct Bench {
     pub payload_n_m: DVec3,
     /// A rotation counts as a displacement at this lever, m: couplings are compared so.
     pub lever_m: f64,
-    /// Whether the wanted motion is known ahead by the valve's delay (1 ms), as a predictor knows it.
-    /// Without, jerk is held over that time, which costs a few percent at 10 Hz where a mode is as
-    /// low as 15 Hz.
+    /// Whether the commanded motion is known ahead by the valve's delay (1 ms), as a predictor
+    /// knows it. Without, jerk is held over that time, which costs a few percent at 10 Hz where a
+    /// mode is as low as 15 Hz.
     pub foreseen: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The rig with its controllers, tick by tick: what stands at the other end of the loop.
+//! The rig with its controllers, tick by tick.
 //!
 //! Commands come once a tick and take effect after the dead time of the command path. Between
 //! commands the inner loops go on along the newest one: length with its speed and acceleration, flow
@@ -35,7 +35,7 @@ pub struct RigMeasurement {
     pub force_n: [f64; 6],
     /// Openings of the valves, fraction of stroke.
     pub spool: [f64; 6],
-    /// Where the plate really is, `X_bp`; a rig of steel does not say this.
+    /// True pose of the plate, `X_bp`; a physical rig does not report it.
     pub x_bp: Pose,
     /// How it really moves.
     pub twist: Twist,
@@ -74,7 +74,7 @@ pub enum SetupError {
     Start,
 }
 
-/// The rig as built, and the rig as its controllers believe it to be.
+/// True parameters of the rig, and those that its controllers assume.
 #[derive(Clone, Debug)]
 pub struct RigSetup {
     /// Mass, geometry as built.

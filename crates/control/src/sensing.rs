@@ -2,7 +2,7 @@
 //!
 //! Sensor A on the rack gives F3, M3. F4, M4 come from sensor B on the moving plate (two-sensor
 //! scheme), less weight and inertia of what it carries, or from A by (12) and (13) (single-sensor
-//! scheme), which is right as far as the moving part of the active mechanism is light.
+//! scheme), which neglects the inertia of the moving part of the active mechanism.
 
 use docktwin_core::{DVec3, Pose, Wrench};
 use docktwin_physics::mounted::{Carried, Payload, Ports};
@@ -42,7 +42,7 @@ pub struct Conditioning {
     scheme: SensorScheme,
     /// What sensor B carries, as believed.
     payload: Payload,
-    /// Weight of the ring, N, in `e3`: its moment at sensor A goes with where the ring is.
+    /// Weight of the ring, N, in `e3`: its moment at sensor A depends on the position of the ring.
     ring_weight: DVec3,
     tare: Readings,
     sum: Readings,

@@ -8,8 +8,8 @@ use crate::SimTime;
 /// force when its surfaces touch.
 pub const PORT_CONTACT_N: f64 = 5.0;
 
-/// A contact ends when its surfaces have been apart for longer than this, ns: what parts for less and touches
-/// again chatters, and is one contact.
+/// A contact ends when its surfaces have been apart for longer than this, ns; shorter separations
+/// are chatter within one contact.
 pub const CONTACT_GAP_NS: u64 = 20_000_000;
 
 /// What an instant did to a contact.

@@ -60,7 +60,7 @@ impl Euler {
         Self { roll: (-a23).atan2(a22), pitch: (-a31).atan2(a11), yaw: a21.clamp(-1.0, 1.0).asin() }
     }
 
-    /// Kinematic equation (2) with the erratum mended; `w_b` is the body rate in rad/s.
+    /// Kinematic equation (2) with the erratum corrected; `w_b` is the body rate in rad/s.
     #[must_use]
     pub fn rates(self, w_b: DVec3) -> EulerRates {
         let (s, c) = self.roll.sin_cos();

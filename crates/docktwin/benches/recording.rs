@@ -6,8 +6,8 @@
 
 use std::{path::Path, time::Instant as WallInstant};
 
-use docktwin::viewer_file::ViewerFile;
 use docktwin_physics::reduced::Inputs;
+use docktwin_playback::ViewerFile;
 use docktwin_run::{Rehearsal, RunDirectory};
 use docktwin_scenario::{Loader, Scenario};
 

@@ -1,24 +1,12 @@
 //! A live viewer and a pilot, as the command line asks for them.
 
-use std::time::Duration;
-
 use clap::Args;
-use docktwin::{
-    live::{Live, LiveReport},
-    pilot::{HOLD_S, PILOT_HELP, Pilot, PilotLimits, Stick},
-};
-use docktwin_core::{SimTime, Tick};
-use docktwin_record::{Column, Event, Summary};
-use docktwin_run::{
-    Sink, SinkError,
-    sink::{Header, TickView},
-};
+use docktwin_pilot::{HOLD_S, PILOT_HELP, Pilot, PilotLimits, Stick};
+use docktwin_playback::{LiveReport, LiveViewer};
+use docktwin_record::Column;
 use docktwin_scenario::Scenario;
 
-use crate::{cli::not_negative, failure::Failure};
-
-/// How long a viewer may take over what is left when the run has ended.
-const LIVE_PATIENCE: Duration = Duration::from_secs(10);
+use crate::{args::not_negative, failure::Failure};
 
 /// A viewer that looks on.
 #[derive(Debug, Default, Args)]
@@ -41,12 +29,8 @@ impl LiveArgs {
         scenario: &Scenario,
         columns: &[Column],
     ) -> Result<Option<LiveViewer>, Failure> {
-        let live = self.live.as_deref().map(|url| Live::start(url, scenario, columns));
-        Ok(live.transpose()?.map(|live| LiveViewer {
-            live: Some(live),
-            report: None,
-            tick_nanos: 0,
-        }))
+        let live = self.live.as_deref().map(|url| LiveViewer::start(url, scenario, columns));
+        Ok(live.transpose()?)
     }
 }
 
@@ -113,54 +97,18 @@ impl Drop for AtControls {
     }
 }
 
-/// A live viewer that takes what a run gives.
-pub(crate) struct LiveViewer {
-    live: Option<Live>,
-    report: Option<LiveReport>,
-    tick_nanos: u64,
-}
-
-impl LiveViewer {
-    /// What became of the stream, once the run has ended.
-    pub(crate) fn report(&self) {
-        let Some(LiveReport { sent, dropped, events_dropped, complete }) = self.report else {
-            return;
-        };
-        if complete {
-            eprintln!(
-                "live viewer: {sent} ticks shown, {dropped} ticks and {events_dropped} events left out"
-            );
-        } else {
-            eprintln!(
-                "live viewer: it went away or did not keep up; {sent} ticks sent, {dropped} left out"
-            );
-        }
-    }
-}
-
-impl Sink for LiveViewer {
-    fn begin(&mut self, h: &Header<'_>) -> Result<(), SinkError> {
-        self.tick_nanos = h.scenario.run.tick_nanos;
-        Ok(())
-    }
-
-    fn event(&mut self, e: &Event) -> Result<(), SinkError> {
-        if let Some(live) = &self.live {
-            let time = SimTime::of_tick(Tick(e.tick), self.tick_nanos);
-            live.events().event(time, &e.kind, &e.text);
-        }
-        Ok(())
-    }
-
-    fn tick(&mut self, t: &TickView<'_>) -> Result<(), SinkError> {
-        if let Some(live) = &mut self.live {
-            live.tick(t.time, t.row, t.contacts, t.due);
-        }
-        Ok(())
-    }
-
-    fn finish(&mut self, _summary: &mut Summary) -> Result<(), SinkError> {
-        self.report = self.live.take().map(|live| live.finish(LIVE_PATIENCE));
-        Ok(())
+/// Says what became of a live stream, once the run has ended.
+pub(crate) fn tell_live(viewer: &LiveViewer) {
+    let Some(LiveReport { sent, dropped, events_dropped, complete }) = viewer.report() else {
+        return;
+    };
+    if complete {
+        eprintln!(
+            "live viewer: {sent} ticks shown, {dropped} ticks and {events_dropped} events left out"
+        );
+    } else {
+        eprintln!(
+            "live viewer: it went away or did not keep up; {sent} ticks sent, {dropped} left out"
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{
     fs::File,
-    io::{BufWriter, Write},
+    io::{BufWriter, ErrorKind, Write},
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -80,9 +80,16 @@ pub(crate) fn run(args: &ExportArgs, json: bool) -> Result<ExitCode, Failure> {
                 remedy: "name a file with --out, or leave out --contacts and --json".to_owned(),
             });
         }
-        let done = export_csv(&mut reader, &selection, std::io::stdout().lock(), None, &out)?;
-        note(&reader, &done);
-        return Ok(exit(&done));
+        match export_csv(&mut reader, &selection, std::io::stdout().lock(), None, &out) {
+            Ok(done) => {
+                note(&reader, &done);
+                return Ok(exit(&done));
+            }
+            // `export --out - | head`: the reader has what it wants.
+            Err(RecordError::Io { kind: ErrorKind::BrokenPipe, .. }) => {}
+            Err(e) => return Err(e.into()),
+        }
+        return Ok(ExitCode::SUCCESS);
     }
     let points = (args.contacts && args.format == Format::Csv).then(|| {
         let stem = out.file_stem().unwrap_or_default().to_string_lossy();

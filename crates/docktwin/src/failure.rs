@@ -2,13 +2,14 @@
 
 use std::{io::Write as _, process::ExitCode};
 
-use docktwin::{live::LiveError, pilot::PilotError, playback::PlaybackError};
 use docktwin_control::response::ResponseError;
 use docktwin_model::{
     ModelErrors, Problem,
     input::{plain, shown, shown_path},
 };
 use docktwin_physics::bench::BenchError;
+use docktwin_pilot::PilotError;
+use docktwin_playback::{LiveError, PlaybackError};
 use docktwin_record::RecordError;
 use docktwin_report::ReportError;
 use docktwin_run::{RunError, SinkError};
@@ -82,13 +83,21 @@ impl From<ScenarioErrors> for Failure {
 
 impl From<PlaybackError> for Failure {
     fn from(e: PlaybackError) -> Self {
+        let remedy = match &e {
+            PlaybackError::Columns { .. } => {
+                "show it with the version that made it, or rehearse again"
+            }
+            PlaybackError::NothingTouches { .. } => "align the runs at their start: --align start",
+            PlaybackError::Mechanisms { .. } => {
+                "view each by itself; `docktwin diff` compares their numbers"
+            }
+            PlaybackError::Record(_) | PlaybackError::Scenario(_) | PlaybackError::View(_) => "",
+        };
         match e {
             PlaybackError::Record(e) => Self::Record(e),
+            PlaybackError::Scenario(e) => e.into(),
             PlaybackError::View(e) => Self::View(e),
-            PlaybackError::Columns { .. } => Self::Usage {
-                what: e.to_string(),
-                remedy: "show it with the version that made it, or rehearse again".to_owned(),
-            },
+            other => Self::Usage { what: other.to_string(), remedy: remedy.to_owned() },
         }
     }
 }

@@ -1,38 +1,119 @@
 //! `hil`: the loop with a rig, in virtual or in real time.
 
-use std::{path::Path, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
-use docktwin::viewer_file::ViewerFile;
+use clap::Args;
+use docktwin_playback::ViewerFile;
 use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_rigport::rig::Rig;
 use docktwin_run::{
-    HilOptions, HilRun, RunDirectory, RunError, Sink,
+    Control as _, HilOptions, HilRun, RunDirectory, RunError, Sink,
     rig_place::{ClockKind, RigPlace, connect},
     telemetry::hil_columns,
 };
-use docktwin_scenario::{Scenario, load_scenario};
+use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
 
 use crate::{
-    cli::HilArgs,
-    commands::{new_directory, overrides},
-    company::LiveViewer,
+    args::{LedArgs, compensator, not_negative},
+    company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE, STOPPED},
-    observers::{AtTerminal, Bar, PilotLine},
+    inputs::overrides,
+    observers::{AtTerminal, Bar, Interrupt, PilotLine},
     rehearse::{print, tell_losses},
+    results::directory,
 };
+
+pub(crate) const EXAMPLES: &str = "\
+The programme of both spacecraft answers the wrenches that the rig measures, 1000 times a second,
+and the rig shows the mechanisms how they would move. `emulated` runs an emulated rig in this
+process; `ipc:NAME` talks to another process (`docktwin rig emulate`, or a rig of your own written
+from docs/rig-protocol.md) and asks before it moves that rig. With the virtual clock loop and rig
+wait for each other and a run repeats bit by bit; with the real-time clock the loop waits for
+nobody.
+
+A run: checklist and arming; a slow move to the beginning of the run-up, where sensors are tared;
+the run-up along the free flight to the initial condition; then the loop is closed. What is
+recorded begins there. A limit passed anywhere stops the rig (exit code 3, unless the scenario
+expects it). --dry-run goes there and back, slowly, without closing the loop.
+
+The run directory is that of `rehearse`, with columns of loop, legs and sensors beside it, and
+`loop`, `fidelity` (against the same docking without a rig) and `safety` in summary.json.
+
+Examples:
+  docktwin hil scenarios/apas_nominal.toml --rig emulated
+  docktwin hil scenarios/vibro_impact.toml --rig emulated --compensator none
+  docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --lead-ms 1.8 --out runs/p7
+  docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7 --out p7.toml
+  docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --identification p7.toml
+  docktwin rig emulate models/urdf/stewart.toml --name lab &
+  docktwin hil scenarios/apas_nominal.toml --rig ipc:lab --clock realtime --live --yes";
+
+/// Options of `hil`.
+#[derive(Debug, Args)]
+pub(crate) struct HilArgs {
+    /// Scenario file
+    scenario: PathBuf,
+    /// The rig: `emulated` in this process, or `ipc:NAME` in another
+    #[arg(long, value_name = "emulated|ipc:NAME")]
+    rig: RigPlace,
+    #[command(flatten)]
+    led: LedArgs,
+    /// Against the delay of the rig [default: as the scenario says, or lead]
+    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES)]
+    compensator: Option<CompensatorChoice>,
+    /// Lead, ms [default: as the scenario says, or the delay that is believed]
+    #[arg(long, value_name = "MS", value_parser = not_negative)]
+    lead_ms: Option<f64>,
+    /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
+    #[arg(long, value_name = "RIG.toml")]
+    model: Option<PathBuf>,
+    /// File of `rig identify`: null bias and flow gain are corrected, delay and lead are its own
+    #[arg(long, value_name = "FILE")]
+    identification: Option<PathBuf>,
+    /// File of `rig calibrate`: what sensor B carries is its own
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Run directory; by default a new one under `runs`.
+    #[arg(long, value_name = "DIR", help = "Run directory [default: runs/<scenario>-<utc>]")]
+    out: Option<PathBuf>,
+    /// Override a key of the scenario, repeatable
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    set: Vec<String>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Draw the emulated rig within the spread of its file; the loop still believes the file
+    #[arg(long, value_name = "SEED")]
+    perturb: Option<u64>,
+    /// Do not write run.rrd
+    #[arg(long)]
+    no_rrd: bool,
+    /// Slowly to the initial condition and back, with an open gap
+    #[arg(long)]
+    dry_run: bool,
+    #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
+    pilot: PilotArgs,
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
     if !json {
-        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = args.options();
     let (word, what) =
         if options.repeats() { ("replay", "Replay it") } else { ("report", "Read about it") };
     let prepared = HilRun::new(&scenario, options)?;
-    let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
-    let summary = go(prepared, &scenario, args, &out, json)?;
+    let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
+    let interrupt = Interrupt::catch();
+    let at = At { args, json, interrupt };
+    let summary = go(prepared, &scenario, &at, &out)?;
     tell_losses(&summary, json);
     if json {
         // A summary always serialises; a defect would show as an empty object.
@@ -41,21 +122,18 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         tell(&summary, &scenario, &out);
         println!("{what} with: docktwin {word} {}", out.display());
     }
+    let tripped = summary.safety.as_ref().is_some_and(|s| !s.trips.is_empty());
+    let interrupted = interrupt.stopped().is_some() && !tripped;
     Ok(ExitCode::from(match (summary.verdict, summary.outcome) {
         (Verdict::Pass, _) => 0,
-        (_, Outcome::Stopped) => STOPPED,
+        // A signal is no stop of the supervisor.
+        (_, Outcome::Stopped) if !interrupted => STOPPED,
         _ => OTHERWISE,
     }))
 }
 
-fn go(
-    run: HilRun<'_>,
-    scenario: &Scenario,
-    args: &HilArgs,
-    out: &Path,
-    json: bool,
-) -> Result<Summary, Failure> {
-    let at = At { args, json };
+fn go(run: HilRun<'_>, scenario: &Scenario, at: &At<'_>, out: &Path) -> Result<Summary, Failure> {
+    let (args, json) = (at.args, at.json);
     let mut live = args.live.start(scenario, &hil_columns())?;
     let viewer = (!args.no_rrd).then(|| ViewerFile::new(out.join("run.rrd")));
     let sink = (RunDirectory::new(out), (viewer, &mut live));
@@ -70,7 +148,7 @@ fn go(
         }
     }?;
     if !json {
-        live.iter().for_each(LiveViewer::report);
+        live.iter().for_each(tell_live);
     }
     Ok(summary)
 }
@@ -79,6 +157,7 @@ fn go(
 struct At<'a> {
     args: &'a HilArgs,
     json: bool,
+    interrupt: Interrupt,
 }
 
 impl At<'_> {
@@ -99,11 +178,12 @@ impl At<'_> {
         let line = stick.as_ref().filter(|_| !self.json).map(|_| PilotLine::default());
         let mut bar = Bar::new(self.json || stick.is_some());
         let mut sink = (sink, line);
+        let control = (stick, self.interrupt);
         let summary: Result<Summary, RunError> = match self.args.led.clock.kind() {
-            ClockKind::Virtual => run.run_with(rig, &mut sink, stick, &mut bar, &mut operator),
+            ClockKind::Virtual => run.run_with(rig, &mut sink, control, &mut bar, &mut operator),
             ClockKind::Realtime => {
                 let realtime = self.args.led.realtime.options();
-                run.run_realtime(rig, &mut sink, stick, &realtime, &mut operator)
+                run.run_realtime(rig, &mut sink, control, &realtime, &mut operator)
             }
         };
         drop(pilot);

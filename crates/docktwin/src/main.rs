@@ -1,25 +1,28 @@
-//! The command line of docktwin: the only place where twin, record and view meet.
+//! The command line of docktwin: arguments become options, options a call of a library, its result files
+//! and words.
 
 // First: its macros are for all below.
 #[macro_use]
 mod terminal;
 
 mod analyze;
+mod args;
+mod check;
 mod cli;
-mod commands;
 mod company;
 mod diff;
 mod doctor;
 mod export;
 mod failure;
 mod hil;
+mod inputs;
 mod observers;
 mod recover;
 mod rehearse;
 mod replay;
 mod report;
+mod results;
 mod rig;
-mod rigs;
 mod validate;
 mod view;
 
@@ -35,7 +38,11 @@ fn main() -> ExitCode {
         Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).break_words(false).build())
     }));
     // A panic is a defect of ours and has its own exit code; the panic hook has told where.
-    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::run(&cli))) {
+    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| cli.run())) {
+        // A result that nobody can read is none.
+        Ok(Ok(code)) if code == ExitCode::SUCCESS && terminal::lost() => {
+            ExitCode::from(failure::OTHERWISE)
+        }
         Ok(Ok(code)) => code,
         Ok(Err(failure)) => failure.report(cli.common.json),
         Err(_) => {

@@ -4,13 +4,38 @@ use core::fmt;
 use std::io::{BufRead as _, IsTerminal as _, Write as _};
 
 use docktwin_core::{Euler, Wrench};
-use docktwin_hil::scheduler::Check;
+use docktwin_hil::{
+    realtime::{Termination, catch_termination},
+    scheduler::Check,
+};
+use docktwin_physics::reduced::Inputs;
 use docktwin_run::{
-    RunError, Sink, SinkError, Situation,
+    Control, RunError, Sink, SinkError, Situation,
     progress::Progress,
     rig_place::{Operator, RigPlace},
     sink::{Header, TickView},
 };
+
+/// Ends a run when the terminal or the system asks for it, as control beside all others.
+#[derive(Clone, Copy)]
+pub(crate) struct Interrupt(Termination);
+
+impl Interrupt {
+    /// From here on a signal closes the run instead of killing it.
+    pub(crate) fn catch() -> Self {
+        Self(catch_termination())
+    }
+}
+
+impl Control for Interrupt {
+    fn wrenches(&mut self, _now: &Situation) -> Inputs {
+        Inputs::default()
+    }
+
+    fn stopped(&self) -> Option<&'static str> {
+        self.0.signal()
+    }
+}
 
 /// Between two lines to a pilot, ns of the run's time.
 const PILOT_LINE_NS: u64 = 100_000_000;

@@ -1,29 +1,79 @@
 //! `rehearse`: the twin alone, as fast as possible, or in real time under a pilot.
 
-use std::{path::Path, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
-use docktwin::viewer_file::ViewerFile;
+use clap::Args;
+use docktwin_playback::ViewerFile;
 use docktwin_record::{Summary, Verdict};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, signals::columns};
 use docktwin_scenario::{Expect, load_scenario};
 
 use crate::{
-    cli::RehearseArgs,
-    commands::{new_directory, overrides},
+    args::TwinArg,
+    company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE},
-    observers::{Bar, PilotLine},
+    inputs::overrides,
+    observers::{Bar, Interrupt, PilotLine},
+    results::directory,
 };
+
+pub(crate) const EXAMPLES: &str = "\
+The run directory holds summary.json, run.mcap (every tick, crash-safe), telemetry.parquet,
+events.jsonl, run.rrd (for the rerun viewer) and scenario.toml (as it ran).
+
+--live streams to a viewer at rerun+http://127.0.0.1:9876/proxy, or at --live=URL, beside writing
+the files; start one with `rerun --bind 127.0.0.1`. What it does not take in time it does not
+show; the run neither waits nor differs.
+
+--pilot adds the pilot's force and moment to the scenario's thrusts, in real time, 1 ×. The keys
+are told at the start: w/s a/d r/f push along X Y Z of e1, o/u i/k j/l turn about them, space lets
+go, q ends. The run is recorded like any other and can be replayed bit by bit.
+
+Examples:
+  docktwin rehearse scenarios/apas_nominal.toml
+  docktwin rehearse scenarios/apas_nominal.toml --twin reduced --json
+  docktwin rehearse scenarios/apas_nominal.toml --live --pilot --set run.duration_s=60
+  docktwin rehearse scenarios/apas_fast.toml --set mechanism.attenuation='\"differential\"'";
+
+/// Options of `rehearse`.
+#[derive(Debug, Args)]
+pub(crate) struct RehearseArgs {
+    /// Scenario file
+    scenario: PathBuf,
+    /// Run directory; by default a new one under `runs`.
+    #[arg(long, value_name = "DIR", help = "Run directory [default: runs/<scenario>-<utc>]")]
+    out: Option<PathBuf>,
+    /// Override a key of the scenario, repeatable
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    set: Vec<String>,
+    /// Seed of all random numbers (a rehearsal draws none; it is kept with the run)
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Which twin integrates the bodies
+    #[arg(long, value_enum, default_value_t = TwinArg::Full)]
+    twin: TwinArg,
+    /// Do not write run.rrd
+    #[arg(long)]
+    no_rrd: bool,
+    #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
+    pilot: PilotArgs,
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
-    let out = args.out.clone().unwrap_or_else(|| new_directory("runs", &scenario.name));
     if !json {
-        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = RehearsalOptions { twin: args.twin.kind(), seed: args.seed };
     let rehearsal = Rehearsal::with(&scenario, options)?;
     let mut live = args.live.start(&scenario, &columns())?;
+    let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
     // Last: from here on the terminal is the pilot's.
     let pilot = args.pilot.start(&scenario)?;
     let stick = pilot.as_ref().and_then(|p| p.stick());
@@ -31,14 +81,14 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     let line = stick.as_ref().filter(|_| !json).map(|_| PilotLine::default());
     let mut sink = (RunDirectory::new(&out), (viewer, (&mut live, line)));
     let mut bar = Bar::new(json || stick.is_some());
-    let summary = rehearsal.run_with(&mut sink, stick, &mut bar)?;
+    let summary = rehearsal.run_with(&mut sink, (stick, Interrupt::catch()), &mut bar)?;
     drop(pilot);
     tell_losses(&summary, json);
     if json {
         // A summary always serialises; a defect would show as an empty object.
         println!("{}", serde_json::to_value(&summary).unwrap_or_default());
     } else {
-        live.iter().for_each(super::company::LiveViewer::report);
+        live.iter().for_each(tell_live);
         print(&summary, &scenario.expect, &out);
         println!("Replay it with: docktwin replay {}", out.display());
     }

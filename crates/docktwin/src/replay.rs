@@ -1,14 +1,27 @@
 //! `replay`: the recorded inputs through the same twin, compared tick by tick.
 
-use std::process::ExitCode;
+use std::{path::PathBuf, process::ExitCode};
 
+use clap::Args;
 use docktwin_run::{Replay, Replayed};
 use serde_json::json;
 
-use crate::{
-    cli::ReplayArgs,
-    failure::{Failure, OTHERWISE},
-};
+use crate::failure::{Failure, OTHERWISE};
+
+pub(crate) const EXAMPLES: &str = "\
+The recorded control wrenches are fed to the same twin from the same start; every recorded signal is
+compared at every tick, bit by bit.
+
+Examples:
+  docktwin replay runs/apas_nominal-20261122T101500Z
+  docktwin replay runs/wide --json";
+
+/// Options of `replay`.
+#[derive(Debug, Args)]
+pub(crate) struct ReplayArgs {
+    /// Run directory
+    run: PathBuf,
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &ReplayArgs, as_json: bool) -> Result<ExitCode, Failure> {

@@ -1,13 +1,30 @@
 //! `report`: one page of a run.
 
-use std::process::ExitCode;
+use std::{path::PathBuf, process::ExitCode};
 
+use clap::Args;
 use docktwin_report::write;
 
-use crate::{
-    cli::ReportArgs,
-    failure::{Failure, OTHERWISE},
-};
+use crate::failure::{Failure, OTHERWISE};
+
+pub(crate) const EXAMPLES: &str = "\
+The page needs nothing but itself: no network, no script. It is also written of what is left of a run
+that was killed, and then says so first. An existing page is replaced.
+
+Examples:
+  docktwin report runs/wide
+  docktwin report runs/wide --out wide.html
+  docktwin report runs/wide --json";
+
+/// Options of `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Run directory
+    run: PathBuf,
+    /// Where the page goes; by default into the run directory.
+    #[arg(long, value_name = "FILE", help = "Where the page goes [default: RUN/report.html]")]
+    out: Option<PathBuf>,
+}
 
 /// Runs `report`.
 pub(crate) fn run(args: &ReportArgs, json: bool) -> Result<ExitCode, Failure> {

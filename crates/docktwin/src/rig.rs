@@ -8,11 +8,11 @@ mod retract;
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, Subcommand};
+use docktwin_run::rig_place::RigPlace;
 
 use crate::{
-    cli::PresetArg,
+    args::{AxisArg, LedArgs, PresetArg, RealtimeArgs},
     failure::Failure,
-    rigs::{LedArgs, RealtimeArgs, RigPlace},
 };
 
 /// `rig …`.
@@ -138,8 +138,12 @@ struct MeasureArgs {
     /// Where, X of the origin of e4 from the middle, mm [default: 0 for a spring stick, else 200]
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     at_x_mm: Option<f64>,
-    /// File [default: calibrations/<rig>-<command>-<utc>.toml]
-    #[arg(long, value_name = "FILE")]
+    /// File; by default a new one under `calibrations`.
+    #[arg(
+        long,
+        value_name = "FILE",
+        help = "File [default: calibrations/<rig>-<command>-<utc>.toml]"
+    )]
     out: Option<PathBuf>,
 }
 
@@ -163,7 +167,7 @@ pub(crate) struct IdentifyArgs {
     measure: MeasureArgs,
     /// Degree of freedom whose response is measured, repeatable [default: all]
     #[arg(long, value_enum)]
-    dof: Vec<crate::cli::AxisArg>,
+    dof: Vec<AxisArg>,
     /// Free way along X about the place, mm; a shorter one tells less of the flow gain
     #[arg(long, value_name = "MM", default_value_t = 200.0, value_parser = room_mm)]
     room_mm: f64,

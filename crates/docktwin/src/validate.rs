@@ -2,9 +2,6 @@
 //! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
 //! simulation against the simulated system.
 
-mod comparison;
-mod plots;
-mod second;
 mod single_dof;
 mod vibro;
 
@@ -14,17 +11,18 @@ use std::{
 };
 
 use clap::{Args, Subcommand};
+use docktwin_playback::Align;
 use docktwin_record::{RecordError, files, read_table};
+use docktwin_report::study::crosscheck::{Answer, plots};
 use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, TwinKind};
 use docktwin_scenario::load_scenario;
-use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare};
+use docktwin_study::crosscheck::{EngineRun, SecondEngine, Side, compare, record};
 
-use self::comparison::Answer;
 use crate::{
-    cli::Align,
-    commands::{new_directory, overrides},
     failure::{Failure, OTHERWISE},
-    view,
+    inputs::overrides,
+    results::directory,
+    view::save_two,
 };
 
 /// `validate …`.
@@ -113,10 +111,8 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     let named = std::env::var_os(PYTHON).filter(|v| !v.is_empty()).map(PathBuf::from);
     let python = args.python.clone().or(named);
     let second = SecondEngine::find(&args.scenario, args.validation.as_deref(), python.as_deref())?;
-    let out = args
-        .out
-        .clone()
-        .unwrap_or_else(|| new_directory("runs", &format!("{}-crosscheck", scenario.name)));
+    let name = format!("{}-crosscheck", scenario.name);
+    let out = directory(args.out.as_deref(), "runs", &name)?;
     let (ours, theirs) = (out.join("docktwin"), out.join("mujoco"));
     for dir in [&ours, &theirs] {
         let path = dir.join(files::LOG);
@@ -125,7 +121,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         }
     }
     if !json {
-        scenario.notes.iter().for_each(|n| eprintln!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
     let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
     let summary = Rehearsal::with(&scenario, options)?.run(&mut RunDirectory::new(&ours))?;
@@ -140,7 +136,8 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         step_ms: args.step_ms,
         cache: cache.as_deref(),
     })?;
-    let their_summary = second::record(&scenario, &result, &tables, &theirs)?;
+    let now = jiff::Timestamp::now().as_nanosecond();
+    let their_summary = record(&scenario, &result, &tables, &theirs, now)?;
     // All of it is in the run directory now.
     let _ = std::fs::remove_dir_all(&tables);
 
@@ -150,7 +147,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
     ];
     let found = compare(&scenario.name, &result, &sides);
     let mut names = Vec::new();
-    for (name, svg) in plots::all(&found, &sides).map_err(|e| Failure::Usage {
+    for (name, svg) in plots(&found, &sides).map_err(|e| Failure::Usage {
         what: format!("a plot could not be drawn: {e}"),
         remedy: "the runs are written; `docktwin diff` compares them".to_owned(),
     })? {
@@ -158,7 +155,7 @@ fn crosscheck(args: &CrosscheckArgs, json: bool) -> Result<ExitCode, Failure> {
         names.push(name);
     }
     let align = if found.summary.aligned { Align::FirstContact } else { Align::Start };
-    view::save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
+    save_two(&[ours, theirs], align, None, &out.join("crosscheck.rrd"))?;
     names.extend(["crosscheck.rrd".to_owned(), "comparison.json".to_owned()]);
     let answer = Answer::new(&found);
     let text = serde_json::to_string_pretty(&answer).unwrap_or_default();

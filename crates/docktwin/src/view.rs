@@ -5,22 +5,69 @@ use std::{
     process::{Command, ExitCode, Stdio},
 };
 
-use docktwin::playback::{pair_names, play, scene_model};
-use docktwin_core::{SimTime, Tick};
-use docktwin_model::{DockingMechanism, SideGeometry};
-use docktwin_record::{RunReader, files};
-use docktwin_run::provenance::digest_keys;
-use docktwin_scenario::{Scenario, load_scenario};
-use docktwin_view::{SceneWriter, VIEWER_VERSION, is_whole};
+use clap::{Args, ValueEnum};
+use docktwin_core::SimTime;
+use docktwin_playback::{Align, Recording};
+use docktwin_record::RunReader;
+use docktwin_view::{VIEWER_VERSION, is_whole};
 use serde_json::json;
 
-use crate::{
-    cli::{Align, ViewArgs},
-    failure::Failure,
-};
+use crate::failure::Failure;
 
 /// Names the viewer, where it is not `rerun` on the path. Not `RERUN`: rerun itself reads that one.
 const VIEWER: &str = "DOCKTWIN_VIEWER";
+
+pub(crate) const EXAMPLES: &str = "\
+The viewer is `rerun` on the path, in the version that run.rrd is written for; it is started with
+its usage statistics off and the user's own configuration untouched. A run.rrd that is missing, cut
+or of a killed run is made again from run.mcap.
+
+Examples:
+  docktwin view runs/fast
+  docktwin view runs/fast --at 0.15                 as it was 0.15 s after the start
+  docktwin view runs/fast --save fast.rrd           for another machine
+  docktwin view --compare runs/fast runs/wide --align first-contact";
+
+/// Options of `view`.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// Run directory
+    #[arg(required_unless_present = "compare")]
+    run: Option<PathBuf>,
+    /// Lay run B over run A, as a grey ghost
+    #[arg(long, num_args = 2, value_names = ["RUN_A", "RUN_B"], conflicts_with = "run")]
+    compare: Vec<PathBuf>,
+    /// What the two runs have in common in time
+    #[arg(long, value_enum, default_value_t = AlignArg::Start, requires = "compare")]
+    align: AlignArg,
+    /// Show the run only up to this simulated time: the viewer opens there
+    #[arg(long, value_name = "TIME_S", allow_negative_numbers = true)]
+    at: Option<f64>,
+    /// Write the recording for the viewer to this file instead of opening it
+    #[arg(long, value_name = "FILE.rrd")]
+    save: Option<PathBuf>,
+    /// The viewer's program [default: DOCKTWIN_VIEWER of the environment, or `rerun`]
+    #[arg(long, value_name = "PATH")]
+    viewer: Option<PathBuf>,
+}
+
+/// What two runs share in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AlignArg {
+    /// Their start
+    Start,
+    /// Their first contact
+    FirstContact,
+}
+
+impl AlignArg {
+    const fn align(self) -> Align {
+        match self {
+            Self::Start => Align::Start,
+            Self::FirstContact => Align::FirstContact,
+        }
+    }
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &ViewArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -28,7 +75,7 @@ pub(crate) fn run(args: &ViewArgs, json: bool) -> Result<ExitCode, Failure> {
     if let Some(file) = &args.save {
         match (&args.run, args.compare.as_slice()) {
             (Some(run), _) => save_one(run, until, file)?,
-            (None, runs) => save_two(runs, args.align, until, file)?,
+            (None, runs) => save_two(runs, args.align.align(), until, file)?,
         }
         if json {
             println!("{}", json!({ "saved": file }));
@@ -55,7 +102,7 @@ pub(crate) fn run(args: &ViewArgs, json: bool) -> Result<ExitCode, Failure> {
             }
         }
         (None, runs) => {
-            save_two(runs, args.align, until, &made)?;
+            save_two(runs, args.align.align(), until, &made)?;
             made
         }
     };
@@ -82,58 +129,31 @@ fn sim_time(seconds: f64) -> Result<SimTime, Failure> {
     Ok(SimTime::from_nanos((seconds * 1e9).round() as u64))
 }
 
-/// A recording with the scenario that it was made from.
-struct Run {
-    reader: RunReader,
-    scenario: Scenario,
+/// Opens a run, and says when its models have changed since.
+fn open(dir: &Path) -> Result<Recording, Failure> {
+    let run = Recording::open(dir)?;
+    let changed: Vec<String> = run.changed().iter().map(|p| p.display().to_string()).collect();
+    if !changed.is_empty() {
+        eprintln!(
+            "drawn with the shapes of today: changed since the run are {}",
+            changed.join(", ")
+        );
+    }
+    Ok(run)
 }
 
-impl Run {
-    fn open(dir: &Path) -> Result<Self, Failure> {
-        let reader = RunReader::open(dir)?;
-        let scenario = load_scenario(&dir.join(files::SCENARIO), &[])?;
-        let changed: Vec<String> = digest_keys(&scenario.files)
-            .filter(|(key, f)| {
-                reader.metadata().get(key).is_some_and(|then| *then != f.digest.to_string())
-            })
-            .map(|(_, f)| f.path.display().to_string())
-            .collect();
-        if !changed.is_empty() {
-            eprintln!(
-                "drawn with the shapes of today: changed since the run are {}",
-                changed.join(", ")
-            );
-        }
-        Ok(Self { reader, scenario })
-    }
-
-    /// Time of the first contact, ns.
-    fn first_contact(&self, dir: &Path) -> Result<u64, Failure> {
-        let events = self.reader.events()?;
-        let first = events.iter().find(|e| e.kind == "contact_begin");
-        first
-            .map(|e| SimTime::of_tick(Tick(e.tick), self.scenario.run.tick_nanos).nanos())
-            .ok_or_else(|| Failure::Usage {
-                what: format!("nothing touches in {}", dir.display()),
-                remedy: "align the runs at their start: --align start".to_owned(),
-            })
-    }
-
-    fn play(&mut self, view: &mut SceneWriter, until: Option<SimTime>) -> Result<(), Failure> {
-        play(&mut self.reader, &self.scenario, view, until)?;
-        if let Some(cut) = self.reader.cut().filter(|_| until.is_none()) {
-            eprintln!("the recording is cut: {cut}");
-        }
-        Ok(())
+/// Says where a recording that was shown to its end stops before its run.
+fn tell_cut(run: &Recording, until: Option<SimTime>) {
+    if let Some(cut) = run.cut().filter(|_| until.is_none()) {
+        eprintln!("the recording is cut: {cut}");
     }
 }
 
 fn save_one(dir: &Path, until: Option<SimTime>, file: &Path) -> Result<(), Failure> {
-    let mut run = Run::open(dir)?;
-    let mut view =
-        SceneWriter::create(file, &scene_model(&run.scenario), &pair_names(&run.scenario))?;
-    run.play(&mut view, until)?;
-    Ok(view.finish()?)
+    let mut run = open(dir)?;
+    docktwin_playback::save_one(&mut run, until, file)?;
+    tell_cut(&run, until);
+    Ok(())
 }
 
 /// Writes run B over run A for the viewer.
@@ -149,94 +169,10 @@ pub(crate) fn save_two(
             remedy: "docktwin view --compare RUN_A RUN_B".to_owned(),
         });
     };
-    let (mut a, mut b) = (Run::open(dir_a)?, Run::open(dir_b)?);
-    let different = differences(&a.scenario.mechanism, &b.scenario.mechanism);
-    if !different.is_empty() {
-        return Err(Failure::Usage {
-            what: format!(
-                "{} and {} dock with different mechanisms, which cannot be laid over each other:\n{}",
-                dir_a.display(),
-                dir_b.display(),
-                different.join("\n")
-            ),
-            remedy: "view each by itself; `docktwin diff` compares their numbers".to_owned(),
-        });
-    }
-    let shift_ns = match align {
-        Align::Start => 0,
-        Align::FirstContact => {
-            a.first_contact(dir_a)?.cast_signed() - b.first_contact(dir_b)?.cast_signed()
-        }
-    };
-    // In B's own time; before its start nothing of it is shown.
-    let until_b = until.map(|t| t.nanos().cast_signed() - shift_ns);
-    let names = pair_names(&a.scenario);
-    let mut front = SceneWriter::create_compared(file, &scene_model(&a.scenario), &names)?;
-    let mut ghost = front.ghost(&scene_model(&b.scenario), &names, shift_ns)?;
-    let seconds = SimTime::from_nanos(shift_ns.unsigned_abs()).seconds();
-    let later = if shift_ns < 0 { "earlier" } else { "later" };
-    let (a_name, b_name) = (dir_a.display(), dir_b.display());
-    front.event(SimTime::from_nanos(0), "run", &a_name.to_string())?;
-    front.event(
-        SimTime::from_nanos(0),
-        "run",
-        &format!("B: {b_name}, drawn {seconds:.3} s {later}"),
-    )?;
-    if until_b.is_none_or(|t| t >= 0) {
-        let until_b = until_b.map(|t| SimTime::from_nanos(t.unsigned_abs()));
-        b.play(&mut ghost, until_b)?;
-    }
-    a.play(&mut front, until)?;
-    ghost.finish()?;
-    Ok(front.finish()?)
-}
-
-/// What of the shapes differs, one line each. Laws may differ: they are what one compares.
-fn differences(a: &DockingMechanism, b: &DockingMechanism) -> Vec<String> {
-    let mut out = Vec::new();
-    let mut number = |name: String, x: f64, y: f64, unit: &str| {
-        if x.to_bits() != y.to_bits() {
-            out.push(format!("{name}: {x}{unit} against {y}{unit}"));
-        }
-    };
-    let offset = "distance of the active ring from e3 at rest".to_owned();
-    number(offset, a.ring_rest_offset_m, b.ring_rest_offset_m, " m");
-    let offset = "distance of the passive ring from e4".to_owned();
-    number(offset, a.passive_ring_offset_m, b.passive_ring_offset_m, " m");
-    for (side, x, y) in [("active", &a.active, &b.active), ("passive", &a.passive, &b.passive)] {
-        let (r, s) = (&x.ring, &y.ring);
-        number(format!("{side} ring's mean radius"), r.mean_radius_m, s.mean_radius_m, " m");
-        number(format!("{side} ring's section"), r.section_radius_m, s.section_radius_m, " m");
-        let count = |g: &SideGeometry| g.petals.map_or(0, |p| p.count);
-        number(format!("{side} petals"), count(x).into(), count(y).into(), "");
-        if let (Some(p), Some(q)) = (&x.petals, &y.petals) {
-            for (name, p, q, unit) in [
-                ("azimuth", p.first_azimuth_rad, q.first_azimuth_rad, " rad"),
-                ("radius at the base", p.base_radius_m, q.base_radius_m, " m"),
-                ("radius at the tip", p.tip_radius_m, q.tip_radius_m, " m"),
-                ("height", p.height_m, q.height_m, " m"),
-                ("half-angle at the base", p.base_half_angle_rad, q.base_half_angle_rad, " rad"),
-                ("half-angle at the tip", p.tip_half_angle_rad, q.tip_half_angle_rad, " rad"),
-                ("thickness", p.thickness_m, q.thickness_m, " m"),
-            ] {
-                number(format!("{side} petals' {name}"), p, q, unit);
-            }
-        }
-    }
-    let azimuths = |m: &DockingMechanism| m.latches.as_ref().map(|l| l.azimuths_rad);
-    match (azimuths(a), azimuths(b)) {
-        (Some(x), Some(y)) => {
-            for i in 0..3 {
-                number(format!("azimuth of latch {}", i + 1), x[i], y[i], " rad");
-            }
-        }
-        (None, None) => {}
-        (x, _) => {
-            let (with, without) = if x.is_some() { ("A", "B") } else { ("B", "A") };
-            out.push(format!("latches: {with} has them, {without} has none"));
-        }
-    }
-    out
+    let (mut a, mut b) = (open(dir_a)?, open(dir_b)?);
+    docktwin_playback::save_two([&mut a, &mut b], align, until, file)?;
+    [&b, &a].into_iter().for_each(|run| tell_cut(run, until));
+    Ok(())
 }
 
 /// A new folder, removed with what is in it when it goes out of use.

@@ -7,11 +7,12 @@ use crate::realtime::sleep_until_ns;
 /// What to do with ticks whose time has passed before they could begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OverrunPolicy {
-    /// They are left out: the loop goes on with the tick of now, on the same grid. For a rig, which
-    /// lives on meanwhile.
+    /// They are left out: the loop goes on with the present tick, on the same grid. For a rig,
+    /// which moves on meanwhile.
     #[default]
     Skip,
-    /// They are made up for, one after the other without a pause. For a twin, which would lose time.
+    /// They are executed late, one after the other without a pause. For a twin, whose simulated
+    /// time would otherwise be lost.
     CatchUp,
 }
 

@@ -1,6 +1,6 @@
 //! A rig that is driven through motions with nothing in its way: what identification and calibration
-//! share. It has a session of its own, the clock it is given, and its own supervisor; a rig in process
-//! and a rig of steel are driven alike.
+//! share. It has a session of its own, the clock it is given, and its own supervisor; an emulated
+//! rig and a physical rig are driven alike.
 
 use core::time::Duration;
 
@@ -51,7 +51,7 @@ pub enum DriveError {
     /// It does not get ready.
     #[error("the rig does not get ready: clear its fault, release its emergency stop, reset it")]
     NotReady,
-    /// It takes nothing that a drive could command, or does not measure what it must.
+    /// It takes none of the commands of a drive, or lacks a required sensor.
     #[error(
         "the rig takes neither the values of six legs nor the plate's pose, or has no sensor A: see the \
          capability bits of the protocol page"
@@ -76,7 +76,7 @@ pub enum DriveError {
     Restless,
     /// A limit was passed.
     #[error(
-        "the rig was stopped: {} reached {:.4}, allowed is {:.4}; mend the cause, or take a place \
+        "the rig was stopped: {} reached {:.4}, allowed is {:.4}; fix the cause, or take a place \
          and an amplitude with more room", .0.limit.name(), .0.value, .0.allowed
     )]
     Trip(Trip),
@@ -329,7 +329,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
     ) -> Result<(), DriveError> {
         let done = self.lead(duration_s, &motion, &mut take);
         if done.is_err() {
-            // What stopped it matters more than how stopping went.
+            // The first error is returned, not one of the stop.
             let _ = self.halt();
         }
         done
@@ -404,7 +404,8 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             if self.still(RigMode::Retract)? {
                 self.look()?;
             }
-            // Nothing was commanded that it could be off, and a run may have ended outside.
+            // No pose is commanded, so there is no tracking error; and a run may have ended outside
+            // the workspace.
             let watched =
                 Watched { tracking_error_m: 0.0, pose_half_widths: 0.0, ..self.watched() };
             self.judge(&watched)?;
@@ -437,7 +438,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
         Ok(())
     }
 
-    /// Brings the rig to rest and lets it go.
+    /// Brings the rig to rest and ends the session.
     ///
     /// # Errors
     /// The connection is broken.

@@ -1,5 +1,5 @@
 //! The emulated rig: hydraulics, plate, legs and their control, both mechanisms with their weight, and
-//! the sensors. What a rig of steel would do with the same commands, as far as we can describe one.
+//! the sensors: a model of a physical rig with the same commands.
 //!
 //! With a seed it is a rig as built, drawn within the spread of its file; the loop still believes the
 //! file. Everything is a function of the seed and the commands, so two runs are the same bit by bit.

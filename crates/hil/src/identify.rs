@@ -1,6 +1,6 @@
-//! What a rig is, found by driving it through the port (§5, §6), in the order in which one thing hides
-//! another: null bias at standstill, flow gain on a slow move, then the delay from time stamps, then
-//! the frequency response at the amplitude of a contact.
+//! Identification of a rig by driving it through the rig port (§5, §6). Each step needs the result
+//! of the one before: null bias at standstill, flow gain on a slow move, then the delay from time
+//! stamps, then the frequency response at the amplitude of a contact.
 
 use core::f64::consts::TAU;
 
@@ -27,10 +27,10 @@ use crate::{
 pub struct IdentifySetup {
     /// The legs as their controllers believe them to be.
     pub legs: [LegParameters; 6],
-    /// Where the rig is looked at, `X_34`.
+    /// Pose about which the rig is measured, `X_34`.
     pub place: Pose,
-    /// Free way along X about the place, m: a slow move goes there and back. A shorter one is a slower
-    /// one, and less is known of the flow gain.
+    /// Free way along X about the place, m: a slow move goes out and back. With a shorter way it is
+    /// slower, and the flow gain is less accurate.
     pub room_m: f64,
     /// Degrees of freedom whose response is measured: X, Y, Z, roll, pitch, yaw as 0 to 5.
     pub dofs: Vec<usize>,
@@ -88,7 +88,7 @@ pub struct ResponsePoint {
     pub hz: f64,
     /// Amplitude of the excitation, m or rad.
     pub amplitude: f64,
-    /// G_MSim: from the motion wanted at an instant to the motion of that instant.
+    /// G_MSim: from the motion commanded for an instant to the motion at that instant.
     pub gain: Complex<f64>,
     /// Largest response of another degree of freedom, rotations at the lever.
     pub coupling: f64,
@@ -105,7 +105,7 @@ pub struct Pass {
     pub flow_gain: [f64; 6],
     /// Sliding friction of every leg, N: half of what the oil pushes more on the way out than back.
     pub friction_n: [f64; 6],
-    /// Length error at standstill, m, wanted less measured.
+    /// Length error at standstill, m, commanded less measured.
     pub hold_error_m: [f64; 6],
     /// Lag of every leg on the slow move, s; equal lags are delay, the rest is gain.
     pub leg_lag_s: [f64; 6],
@@ -286,7 +286,7 @@ fn cruise<R: Rig, K: Clock>(
         c.duration_s(),
         |t| c.at(t),
         |s| {
-            // Symmetric, so that both ways are looked at in the same poses.
+            // Symmetric, so that both directions are measured in the same poses.
             if (ramp_s + SETTLE_S..=ramp_s + steady_s - SETTLE_S).contains(&s.time_s) {
                 let x = c.at(s.time_s).x_34;
                 let wanted = platform.at(&platform.plate_from_docking(&x)).length_m;

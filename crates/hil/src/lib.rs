@@ -1,7 +1,8 @@
-//! The loop: what runs in a rehearsal is what runs live, tick for tick.
+//! The loop with a rig: the same code for emulated and physical rigs.
 //!
 //! What passes between loop and rig is `docktwin-rigport`; here are the loop ([`scheduler`]), its clocks,
-//! emulated rigs with their faults, and what is found out about a rig by driving it.
+//! emulated rigs with their faults, what is found out about a rig by driving it, and what a machine offers a
+//! loop ([`machine`]).
 //!
 //! # A docking on an emulated rig, stepped by hand
 //!
@@ -66,5 +67,6 @@ pub mod faults;
 pub mod histogram;
 pub mod ideal;
 pub mod identify;
+pub mod machine;
 pub mod realtime;
 pub mod scheduler;

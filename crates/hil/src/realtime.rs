@@ -8,7 +8,7 @@
 use core::{
     fmt,
     mem::MaybeUninit,
-    sync::atomic::{AtomicBool, Ordering},
+    sync::atomic::{AtomicI32, Ordering},
 };
 use std::io;
 
@@ -60,7 +60,7 @@ fn timespec(ns: u64) -> libc::timespec {
 /// What to do when the machine does not grant everything.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortage {
-    /// Refuse to run: what a rig of steel needs.
+    /// Refuse to run: required for a physical rig.
     Refuse,
     /// Run on what there is, and say that it is best effort (`--allow-best-effort`).
     BestEffort,
@@ -105,7 +105,7 @@ impl fmt::Display for Step {
     }
 }
 
-/// What was not granted, what it costs, what mends it.
+/// What was not granted, its consequence, and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shortfall {
     /// What was asked for.
@@ -216,25 +216,48 @@ pub fn relax() {
     }
 }
 
-/// Set by an interrupt or a request to end, once [`catch_termination`] was called.
-static TERMINATION: AtomicBool = AtomicBool::new(false);
+/// Number of the signal that asked to end, once [`catch_termination`] was called; 0 before.
+static TERMINATION: AtomicI32 = AtomicI32::new(0);
 
-extern "C" fn on_termination(_signal: libc::c_int) {
-    TERMINATION.store(true, Ordering::Relaxed);
+const TERMINATING: [(libc::c_int, &str); 3] =
+    [(libc::SIGINT, "SIGINT"), (libc::SIGTERM, "SIGTERM"), (libc::SIGHUP, "SIGHUP")];
+
+extern "C" fn on_termination(signal: libc::c_int) {
+    TERMINATION.store(signal, Ordering::Relaxed);
+    // SAFETY: `signal` is allowed in a signal handler; the next one of its kind ends the process.
+    unsafe {
+        libc::signal(signal, libc::SIG_DFL);
+    }
 }
 
-/// From now on SIGINT and SIGTERM do not end the process but set the flag that is returned: a rig
-/// comes to rest first.
-pub fn catch_termination() -> &'static AtomicBool {
+/// Whether a signal has asked this process to end.
+#[derive(Clone, Copy, Debug)]
+pub struct Termination(());
+
+impl Termination {
+    /// Name of the signal, once one has come.
+    #[must_use]
+    pub fn signal(self) -> Option<&'static str> {
+        let number = TERMINATION.load(Ordering::Relaxed);
+        TERMINATING.iter().find(|(n, _)| *n == number).map(|(_, name)| *name)
+    }
+}
+
+/// From now on the first SIGINT, SIGTERM or SIGHUP does not end the process but is told by what is
+/// returned, so that a rig comes to rest and a recording is closed first. A second one of the same kind
+/// ends it. A signal that was ignored stays ignored (`nohup`).
+pub fn catch_termination() -> Termination {
     let handler = on_termination as extern "C" fn(libc::c_int) as libc::sighandler_t;
-    for signal in [libc::SIGINT, libc::SIGTERM] {
-        // SAFETY: the handler only stores to an atomic, which is allowed in a signal handler, and
-        // lives as long as the process.
+    for (signal, _) in TERMINATING {
+        // SAFETY: the handler stores to an atomic and calls `signal`, both allowed in a signal handler,
+        // and lives as long as the process.
         unsafe {
-            libc::signal(signal, handler);
+            if libc::signal(signal, handler) == libc::SIG_IGN {
+                libc::signal(signal, libc::SIG_IGN);
+            }
         }
     }
-    &TERMINATION
+    Termination(())
 }
 
 fn set_fifo(priority: u8) -> Result<(), Shortfall> {

@@ -113,11 +113,13 @@ pub fn model_check(path: &Path) -> Report {
     let kind = named.then(|| kind_of(&path.with_extension("toml"))).flatten();
     match kind {
         Some(FileKind::Spacecraft) => {
-            read_spacecraft(&urdf, true, &mut out);
+            let read = read_spacecraft(&urdf, true, &mut out);
+            let lines = read.filter(|_| out.problems.is_empty()).map(|r| r.lines);
+            return report(out, lines.unwrap_or_default());
         }
         Some(FileKind::Rig) => {
             let rig = read_rig(&urdf, &mut out);
-            // What follows from wrong numbers means nothing.
+            // Values derived from wrong numbers are meaningless.
             let rig = rig.filter(|_| out.problems.is_empty());
             return report(out, rig.map(|r| rig_check::summary(&r)).unwrap_or_default());
         }

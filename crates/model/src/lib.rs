@@ -3,8 +3,8 @@
 //! Nothing read from a file is silently ignored: what is not understood is refused, and all
 //! problems of a file are reported at once. Every number of a model has a note where it comes from.
 //!
-//! What URDF can say of a spacecraft (masses, placements) the URDF alone says, and the TOML beside
-//! it holds the notes. The shapes of a mechanism are parameters of the TOML, from which collision
+//! Masses and placements of a spacecraft are only in the URDF; the TOML beside it has the notes on
+//! them. The shapes of a mechanism are parameters of the TOML, from which collision
 //! shapes and meshes are generated; where its URDF repeats one of them the two must agree.
 //!
 //! ```
@@ -41,6 +41,7 @@ mod rig;
 mod rig_check;
 pub mod sources;
 mod spacecraft;
+mod spacecraft_check;
 mod text;
 pub mod toml_check;
 mod urdf;

@@ -172,6 +172,7 @@ pub(crate) fn read_passive(
                 what: format!(
                     "inertial of link `{link}` is ignored: the passive side is part of the target"
                 ),
+                flagged: false,
             });
         }
     }

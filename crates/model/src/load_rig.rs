@@ -513,6 +513,7 @@ impl Assembly<'_> {
                     what: format!(
                         "inertial of link `{link}` is ignored: it is fixed to the ground"
                     ),
+                    flagged: false,
                 });
             }
         }

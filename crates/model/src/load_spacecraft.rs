@@ -4,6 +4,7 @@ use docktwin_core::Pose;
 
 use crate::keys::{FileKind, read};
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
+use crate::spacecraft_check::Body;
 use crate::urdf::{self, UrdfTree};
 use crate::{Sources, Spacecraft, SpacecraftHull};
 
@@ -28,14 +29,24 @@ pub fn load_spacecraft_from(
 ) -> Result<Loaded<Spacecraft>, ModelErrors> {
     let mut out = Findings::from(sources);
     let read = read_spacecraft(urdf_path, true, &mut out);
-    out.finish(read.map(|(spacecraft, _)| spacecraft))
+    let flags = core::mem::take(&mut out.flags);
+    out.notes.extend(flags);
+    out.finish(read.map(|r| r.spacecraft))
+}
+
+/// A spacecraft as its files describe it.
+pub(crate) struct ReadSpacecraft {
+    pub(crate) spacecraft: Spacecraft,
+    pub(crate) hull: SpacecraftHull,
+    /// What was read, as a person would check it.
+    pub(crate) lines: Vec<String>,
 }
 
 pub(crate) fn read_spacecraft(
     urdf_path: &Path,
     meshes: bool,
     out: &mut Findings,
-) -> Option<(Spacecraft, SpacecraftHull)> {
+) -> Option<ReadSpacecraft> {
     let urdf_text = out.read(urdf_path, "spacecraft URDF");
     let toml_path = urdf_path.with_extension("toml");
     let toml_text = out.read(&toml_path, "TOML beside the URDF");
@@ -69,6 +80,12 @@ pub(crate) fn read_spacecraft(
     let (port_link, hull) = said?;
     let port = tree.links.get(&port_link)?;
     let mass = mass?;
+    let body = Body { mass: &mass, hull, port_m: port.p };
+    // What a wrong number of another kind makes of mass and hull means nothing.
+    if out.problems.is_empty() {
+        body.check(urdf_path, tree.line("link", &tree.root), out);
+    }
+    let lines = body.lines();
     let spacecraft = Spacecraft {
         name: tree.robot.name.clone(),
         mass_kg: mass.mass_kg,
@@ -76,7 +93,7 @@ pub(crate) fn read_spacecraft(
         x_body_port: Pose::new(port.p - mass.com_m, port.q),
         digest: out.digest(),
     };
-    Some((spacecraft, hull))
+    Some(ReadSpacecraft { spacecraft, hull, lines })
 }
 
 /// All links as one rigid body.

@@ -270,8 +270,9 @@ pub fn generate_all(models: &Path) -> Result<BTreeMap<String, String>, MeshError
             // The parts of a rig have no shape in its file.
             Some(FileKind::Rig) => {}
             Some(FileKind::Spacecraft) | None => {
-                if let Some((craft, hull)) = read_spacecraft(&urdf, false, &mut out) {
-                    files.insert(format!("{}_hull.obj", craft.name), hull_mesh(&hull).to_obj());
+                if let Some(r) = read_spacecraft(&urdf, false, &mut out) {
+                    let name = format!("{}_hull.obj", r.spacecraft.name);
+                    files.insert(name, hull_mesh(&r.hull).to_obj());
                 }
             }
         }

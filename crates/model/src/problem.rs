@@ -67,15 +67,25 @@ fn one_line(text: &str) -> String {
     plain(text).replace('\n', " ")
 }
 
-/// Something read and deliberately not used.
+/// Something read and deliberately not used, or used although it looks wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
     /// The file.
     pub file: PathBuf,
     /// Line, from 1.
     pub line: Option<usize>,
-    /// What is ignored, and why.
+    /// What is ignored or looks wrong, and why.
     pub what: String,
+    /// Whether it is used and looks wrong; else it is ignored.
+    pub flagged: bool,
+}
+
+impl Note {
+    /// What became of it: `ignored` or `flagged`.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        if self.flagged { "flagged" } else { "ignored" }
+    }
 }
 
 impl fmt::Display for Note {

@@ -30,7 +30,7 @@ pub struct Rig {
     pub gravity_m_s2: DVec3,
     /// Everything that moves with the plate, what it carries included; seen from `ep`.
     pub plate: RigidMass,
-    /// Part of [`Rig::plate`] beyond the plate's sensor, seen from `ep`: what that sensor weighs.
+    /// Part of [`Rig::plate`] beyond the plate's sensor, seen from `ep`: the load on that sensor.
     pub passive_payload: Option<RigidMass>,
     /// What the sensor on the rack carries, seen from `e0`.
     pub active_payload: Option<RigidMass>,
@@ -38,7 +38,7 @@ pub struct Rig {
     pub legs: [Leg; 6],
     /// Where the mechanisms may have to go.
     pub docking: DockingWorkspace,
-    /// What a leg can.
+    /// Speed, force and size limits of a leg.
     pub limits: LegLimits,
     /// Oil and cylinder.
     pub hydraulics: Hydraulics,
@@ -144,7 +144,8 @@ impl Leg {
 }
 
 impl Rig {
-    /// Pose of the plate in the ground, `X_bp`, that shows the mechanisms the relative pose `X_34`.
+    /// Pose of the plate in the ground, `X_bp`, at which the mechanisms have the relative pose
+    /// `X_34`.
     #[must_use]
     pub fn plate_from_docking(&self, x_34: &Pose) -> Pose {
         self.x_b0 * self.x_03 * *x_34 * self.x_4p
@@ -425,7 +426,7 @@ pub struct SixAxisSensor {
     pub quantum: [f64; 2],
     /// End of the range.
     pub range: [f64; 2],
-    /// From what is felt to the reading, beside the sensor's own lag, s; at most 5 ms.
+    /// From the load to the reading, in addition to the lag of the sensor, s; at most 5 ms.
     pub delay_s: f64,
     /// Half-width by which the delay of an emulated sensor is drawn, s.
     pub delay_spread_s: f64,

@@ -73,7 +73,7 @@ impl Finder<'_> {
     }
 
     fn flag(&mut self, what: String) {
-        self.out.flags.push(Note { file: self.toml_path.into(), line: None, what });
+        self.out.flags.push(Note { file: self.toml_path.into(), line: None, what, flagged: true });
     }
 }
 

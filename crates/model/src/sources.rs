@@ -60,6 +60,11 @@ impl Sources {
         }
     }
 
+    /// Whether a file is one of those in memory.
+    pub(crate) fn in_memory(&self, path: &Path) -> bool {
+        self.memory.contains_key(&absolute(path))
+    }
+
     /// Whether there is such a file.
     #[must_use]
     pub fn is_file(&self, path: &Path) -> bool {

@@ -100,6 +100,111 @@ fn regress_apas_is_the_published_set() {
     );
 }
 
+/// Cases C6 and C12: what is ignored may be wrong, a mesh is a mesh of this model, and a remedy mends.
+#[test]
+fn regress_meshes_are_of_the_model_and_ignored_elements_may_be_wrong() {
+    const MESH: &str = "<mesh filename=\"../../meshes/chaser_8t_hull.obj\"/>";
+    let with = |mesh: &str| Copy::new(&[("chaser_8t.urdf", MESH, mesh)]);
+    let says = |copy: &Copy| model_check(&copy.at("chaser_8t.urdf")).lines().join("\n");
+    let named = |name: &str| format!("<mesh filename=\"{name}\"/>");
+    for (name, problem) in [
+        ("../../../../../etc/passwd", "is not the name of a mesh"),
+        ("../../../elsewhere/hull.obj", "is outside of the model's folders"),
+        ("../../meshes/../../../hull.obj", "is outside of the model's folders"),
+        ("/etc/hull.obj", "is not a relative path"),
+        ("../../meshes/none.obj", "does not exist"),
+    ] {
+        let lines = says(&with(&named(name)));
+        assert!(lines.contains(problem), "{name}: {lines}");
+    }
+    // A link that leads out is no way round.
+    #[cfg(unix)]
+    {
+        let copy = with(&named("../../meshes/linked.obj"));
+        let link = copy.at("../../meshes/linked.obj");
+        std::os::unix::fs::symlink("/etc/passwd", link).expect("a link");
+        let lines = says(&copy);
+        assert!(lines.contains("by a link"), "{lines}");
+    }
+    let scaled = "<mesh filename=\"../../meshes/chaser_8t_hull.obj\" scale=\"0.001 0.001 0.001\"/>";
+    let lines = says(&with(scaled));
+    assert!(lines.contains("multiply the vertices in the file by the scale"), "{lines}");
+    // Two materials, and a collision of nonsense: both are ignored, and neither is parsed again.
+    let material = "<material name=\"a\"/>\n      <material name=\"b\"/>\n    </visual>\n    \
+                    <collision><geometry><mesh filename=\"/etc/passwd\" scale=\"x\"/></geometry>\
+                    </collision>\n";
+    let copy = Copy::new(&[("chaser_8t.urdf", "</visual>\n", material)]);
+    let report = model_check(&copy.at("chaser_8t.urdf"));
+    assert!(report.refused.is_empty(), "{:?}", report.lines());
+    assert_eq!(report.ignored.len(), 3, "{:?}", report.ignored);
+    let text = std::fs::read_to_string(copy.at("chaser_8t.urdf")).expect("a URDF");
+    assert_eq!(crate::named_meshes(&text), ["../../meshes/chaser_8t_hull.obj"]);
+}
+
+/// A chaser in other units, and what becomes of it (cases C3 to C5): in kg·mm², in g, in mm, as a point, in t.
+#[test]
+fn regress_spacecraft_in_other_units_are_refused_or_flagged() {
+    const MASS: &str = "<mass value=\"7960.9\"/>";
+    const INERTIA: &str =
+        "ixx=\"7254.37\" ixy=\"0\" ixz=\"0\" iyy=\"36134.193\" iyz=\"0\" izz=\"36134.193\"";
+    const PORT: &str = "<origin xyz=\"3.5 0 0\" rpy=\"0 0 0\"/>\n  </joint>";
+    const COM: &str = "<inertial>\n      <origin xyz=\"0 0 0\"";
+    let inertia = |factor: f64| {
+        let (a, t) = (7254.37 * factor, 36134.193 * factor);
+        format!("ixx=\"{a:e}\" ixy=\"0\" ixz=\"0\" iyy=\"{t:e}\" iyz=\"0\" izz=\"{t:e}\"")
+    };
+    let (mm2, point, wide, thin) = (inertia(1e6), inertia(1e-22), inertia(16.0), inertia(0.05));
+    let port = |x: &str| PORT.replace("3.5 0 0", x);
+    let (far, near) = (port("3500 0 0"), port("4.2 0 0"));
+    let cases: &[(&str, &str, &str, &str)] = &[
+        (INERTIA, &mm2, "refused", "radius of gyration about X is 954.6 m"),
+        (INERTIA, &point, "refused", "even a sphere of the densest material"),
+        (INERTIA, &wide, "flagged", "right only with large panels"),
+        (INERTIA, &thin, "flagged", "fills the hull evenly has 0.955 m"),
+        (MASS, "<mass value=\"7960900\"/>", "refused", "the densest material has 22590"),
+        (MASS, "<mass value=\"7.9609\"/>", "refused", "radius of gyration about X is 30.2 m"),
+        (MASS, "<mass value=\"150\"/>", "flagged", "less than an empty tank"),
+        (PORT, &far, "flagged", "looks like millimetres"),
+        (PORT, &near, "", "0.700 m outside of the hull"),
+        (
+            COM,
+            "<inertial>\n      <origin xyz=\"0 30 0\"",
+            "flagged",
+            "mass centre at [0.000, 30.000",
+        ),
+    ];
+    for (from, to, verdict, says) in cases {
+        let copy = Copy::new(&[("chaser_8t.urdf", from, to)]);
+        let report = model_check(&copy.at("chaser_8t.urdf"));
+        let lines = report.lines().join("\n");
+        assert!(lines.contains(says), "{to}: {says}\n{lines}");
+        assert_eq!(!report.refused.is_empty(), *verdict == "refused", "{to}\n{lines}");
+        assert_eq!(!report.flagged.is_empty(), *verdict == "flagged", "{to}\n{lines}");
+        // What is refused does not load; what is flagged does, and says so.
+        let loaded = load_spacecraft(&copy.at("chaser_8t.urdf"));
+        assert_eq!(loaded.is_err(), *verdict == "refused", "{to}");
+        if let Ok(loaded) = loaded {
+            assert_eq!(!loaded.notes.is_empty(), *verdict == "flagged", "{to}");
+        }
+    }
+}
+
+/// No shipped spacecraft is refused or flagged: the bounds do not cry wolf.
+#[test]
+fn invariant_shipped_spacecraft_are_neither_refused_nor_flagged() {
+    let mut seen = 0;
+    for entry in std::fs::read_dir(models()).expect("models") {
+        let path = entry.expect("an entry").path();
+        let toml = path.extension().is_some_and(|e| e == "toml");
+        if toml && crate::check::kind_of(&path) == Some(crate::keys::FileKind::Spacecraft) {
+            let report = model_check(&path);
+            assert!(report.refused.is_empty() && report.flagged.is_empty(), "{:?}", report.lines());
+            seen += 1;
+        }
+    }
+    assert!(seen > 8, "{seen}");
+}
+
 #[test]
 fn oracle_inertia_of_a_homogeneous_cylinder() {
     for (name, radius, length, port) in

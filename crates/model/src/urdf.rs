@@ -167,6 +167,8 @@ struct Walk<'a> {
     path: &'a Path,
     lines: &'a Lines,
     out: &'a mut Findings,
+    /// Elements that are ignored, as bytes of the text.
+    ignored: Vec<core::ops::Range<usize>>,
 }
 
 impl Walk<'_> {
@@ -188,7 +190,7 @@ impl Walk<'_> {
 
     fn ignore(&mut self, node: Node<'_, '_>, what: String) {
         let line = self.line(node);
-        self.out.notes.push(Note { file: self.path.into(), line, what });
+        self.out.notes.push(Note { file: self.path.into(), line, what, flagged: false });
     }
 
     fn element(&mut self, node: Node<'_, '_>) {
@@ -208,6 +210,10 @@ impl Walk<'_> {
             match children.iter().find(|(n, _)| *n == name).map(|(_, u)| *u) {
                 Some(Ignored(why)) => {
                     self.ignore(child, format!("{} is ignored: {why}", place(child)));
+                    // A geometry needs one shape, whichever it is.
+                    if tag != "geometry" {
+                        self.ignored.push(child.range());
+                    }
                 }
                 Some(_) => self.element(child),
                 None => {
@@ -388,9 +394,12 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
     check_size(&doc, &line_of).map_err(&mut refuse).ok()?;
     let root = doc.root_element();
     let problems_before = out.problems.len();
-    Walk { path, lines: &line_of, out }.element(root);
+    let mut walk = Walk { path, lines: &line_of, out, ignored: Vec::new() };
+    walk.element(root);
+    // What is ignored is not parsed a second time.
+    let used = without(text, &walk.ignored);
 
-    let robot = match urdf_rs::read_from_string(text) {
+    let robot = match urdf_rs::read_from_string(&used) {
         Ok(robot) => robot,
         Err(error) => {
             // What the walk found is the cause; otherwise urdf-rs knows something we do not.
@@ -414,6 +423,23 @@ pub(crate) fn read(path: &Path, text: &str, meshes: bool, out: &mut Findings) ->
     let (root, links) = place_links(path, &robot, &lines, out)?;
     check_meshes(path, &robot, &lines, meshes, out);
     Some(UrdfTree { robot, root, links, with_inertial, lines })
+}
+
+/// A text with blanks in the place of some of its parts, its lines where they were.
+fn without(text: &str, parts: &[core::ops::Range<usize>]) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut at = 0;
+    for part in parts {
+        // Parts come in their order, and one inside another is not among them.
+        let (Some(before), Some(gone)) = (text.get(at..part.start), text.get(part.clone())) else {
+            continue;
+        };
+        out.push_str(before);
+        out.extend(gone.chars().map(|c| if c == '\n' { '\n' } else { ' ' }));
+        at = part.end;
+    }
+    out.push_str(text.get(at..).unwrap_or_default());
+    out
 }
 
 /// What is wrong with a text, whatever its file.
@@ -607,15 +633,71 @@ fn check_meshes(
             };
             if filename.contains("://") || Path::new(filename).is_absolute() {
                 refuse("is not a relative path", "give the path from the folder of the URDF");
+            } else if !is_mesh_name(filename) {
+                refuse(
+                    "is not the name of a mesh",
+                    "name a file that ends in .obj, .stl, .dae, .ply, .gltf or .glb",
+                );
+            } else if levels_up(filename) > MOST_LEVELS_UP {
+                refuse(
+                    "is outside of the model's folders",
+                    "put it into the folder of the URDF, or at most two folders above that, such as \
+                     `../../meshes/NAME.obj`",
+                );
             } else if must_exist && !sources.is_file(&folder.join(filename)) {
                 refuse("does not exist", "run `cargo xtask meshes`, or mend the file name");
+            } else if must_exist && leads_out(&sources, folder, filename) {
+                refuse(
+                    "leads out of the model's folders by a link",
+                    "put the mesh itself there, not a link to it",
+                );
             }
             let unscaled = |s: &urdf_rs::Vec3| s.iter().all(|x| (x - 1.0).abs() < f64::EPSILON);
             if scale.as_ref().is_some_and(|s| !unscaled(s)) {
-                refuse("is scaled", "meshes are in metres: remove the scale");
+                refuse(
+                    "is scaled, and meshes are in metres",
+                    "multiply the vertices in the file by the scale, then remove the scale from the URDF",
+                );
             }
         }
     }
+}
+
+/// A mesh may lie so many folders above the one of its URDF.
+const MOST_LEVELS_UP: usize = 2;
+
+/// Meshes are copied into run directories: a URDF from elsewhere must not name other files by them.
+fn is_mesh_name(name: &str) -> bool {
+    let kinds = ["obj", "stl", "dae", "ply", "gltf", "glb"];
+    let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
+    extension.is_some_and(|e| kinds.contains(&e.as_str()))
+}
+
+/// How far a relative path leaves the folder it begins in.
+fn levels_up(name: &str) -> usize {
+    let (mut level, mut most) = (0_isize, 0_isize);
+    for part in Path::new(name).components() {
+        match part {
+            std::path::Component::ParentDir => level -= 1,
+            std::path::Component::Normal(_) => level += 1,
+            _ => {}
+        }
+        most = most.max(-level);
+    }
+    most.unsigned_abs()
+}
+
+/// Whether a file is reached by a symbolic link to outside of the folders that a mesh may be in.
+fn leads_out(sources: &crate::Sources, folder: &Path, name: &str) -> bool {
+    if sources.in_memory(&folder.join(name)) {
+        return false;
+    }
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let (Ok(folder), Ok(file)) = (here.canonicalize(), here.join(name).canonicalize()) else {
+        return false;
+    };
+    let top = folder.ancestors().nth(MOST_LEVELS_UP).unwrap_or(&folder);
+    !file.starts_with(top)
 }
 
 /// Files of the meshes that a URDF names, as it names them: from its own folder. Empty for a text
@@ -625,7 +707,8 @@ pub fn named_meshes(urdf: &str) -> Vec<String> {
     let Ok(document) = roxmltree::Document::parse(urdf) else { return Vec::new() };
     let mut out: Vec<String> = document
         .descendants()
-        .filter(|n| n.has_tag_name("mesh"))
+        // Those of collisions are ignored, and nobody has looked at their names.
+        .filter(|n| n.has_tag_name("mesh") && n.ancestors().any(|a| a.has_tag_name("visual")))
         .filter_map(|n| n.attribute("filename").map(str::to_owned))
         .collect();
     out.sort();

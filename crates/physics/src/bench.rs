@@ -1,4 +1,5 @@
-//! The mechanism on a test bench: the ring is moved along one axis, and what it takes is measured.
+//! The mechanism on a test bench: the ring is moved along one axis, and the required force is
+//! measured.
 //!
 //! The chaser's side stands still; the bench holds the ring at its centre. *Deflection* is the pose
 //! of `r3` in `e3` against rest: three displacements along `e3` (m) and the three components of the

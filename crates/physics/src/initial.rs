@@ -36,7 +36,8 @@ pub struct InitialState {
     pub touches: bool,
 }
 
-/// Goes back in free flight by `gap_m` along the closing motion.
+/// Computes the state before first contact, in free flight back by `gap_m` along the closing
+/// motion.
 ///
 /// The chaser does not rotate before contact: all the relative rate is the target's, so that the
 /// ring rests in its attenuator. Where the lateral motion leads away from the first touch, so that

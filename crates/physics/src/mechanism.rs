@@ -110,7 +110,7 @@ pub struct MechanismState {
     /// The three latches.
     pub latches: [LatchState; 3],
     joint: Option<Joint>,
-    /// Capture as a mechanism of steel tells it.
+    /// Time of capture as the sensors of a mechanism on the rig report it.
     told_s: Option<f64>,
     /// Energy lost so far.
     pub losses: EnergyLosses,
@@ -123,8 +123,8 @@ impl MechanismState {
         self.joint.map(|j| j.since_s).or(self.told_s)
     }
 
-    /// What sensors of a mechanism on the rig tell: its latches, and when its rings were joined. For
-    /// looking at, not for stepping: the forces of the joint are the rig's.
+    /// State as the sensors of a mechanism on the rig report it: its latches, and when its rings
+    /// were joined. For recording, not for stepping: the forces of the joint are the rig's.
     #[must_use]
     pub fn told(latches: [LatchState; 3], captured_s: Option<f64>) -> Self {
         Self { latches, told_s: captured_s, ..Self::default() }

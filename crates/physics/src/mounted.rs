@@ -21,7 +21,7 @@ pub struct Ports {
     pub port4: Wrench,
 }
 
-/// What a sensor does while it is read, everything in its axes.
+/// Motion of a sensor and gravity at the instant of a reading, in its axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Carried {
     /// Gravity, m/s².
@@ -49,14 +49,15 @@ impl Carried {
         Self { gravity: q * gravity, rate: q * w, acceleration: Twist { v: q * a, w: q * alpha } }
     }
 
-    /// By accelerometers: they feel acceleration less gravity, which is what bodies resist too.
+    /// From accelerometers: they measure acceleration less gravity, the same quantity that loads
+    /// the sensor.
     #[must_use]
     pub fn felt(specific_force: DVec3, angular_acceleration: DVec3, rate: DVec3) -> Self {
         let acceleration = Twist { v: specific_force, w: angular_acceleration };
         Self { gravity: DVec3::ZERO, rate, acceleration }
     }
 
-    /// What accelerometers feel there: specific force (m/s²) and angular acceleration (rad/s²).
+    /// What accelerometers measure there: specific force (m/s²) and angular acceleration (rad/s²).
     #[must_use]
     pub fn feels(&self) -> [DVec3; 2] {
         [self.acceleration.v - self.gravity, self.acceleration.w]

@@ -265,7 +265,7 @@ impl ReducedRig {
     }
 }
 
-/// Another rig of the same make: the same seed gives the same rig.
+/// A rig drawn within the spread of its file: the same seed gives the same rig.
 #[derive(Clone, Debug)]
 pub struct PerturbedRig {
     /// The file with mass, inertia and dead time drawn; legs are in `legs`.

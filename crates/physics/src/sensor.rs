@@ -1,8 +1,9 @@
-//! The six-axis sensors of the rig, force–torque (§5) and accelerometers, and what noise is made of.
+//! The six-axis sensors of the rig, force–torque (§5) and accelerometers, and their noise
+//! generator.
 //!
 //! A value is a pair of vectors: force (N) and moment (N·m), or specific force (m/s²) and angular
-//! acceleration (rad/s²). From what a sensor feels to its reading: delay, second-order lag, zero and drift, noise, dead
-//! zone, quantisation, saturation, in this order.
+//! acceleration (rad/s²). From the load to the reading: delay, second-order lag, zero and drift,
+//! noise, dead zone, quantisation, saturation, in this order.
 
 use docktwin_core::{DVec3, StateHasher};
 use docktwin_model::{DeadZoneLaw, SixAxisSensor};
@@ -104,8 +105,8 @@ pub struct Reading {
 }
 
 impl Sensor {
-    /// A sensor that has felt `value` for long. Steps of `step_s` seconds; a delay beyond 60 of
-    /// them is cut there.
+    /// A sensor after a long time at the constant load `value`. Steps of `step_s` seconds; a delay
+    /// beyond 60 of them is cut there.
     #[must_use]
     pub fn new(parameters: SensorParameters, step_s: f64, noise: Noise, value: Pair) -> Self {
         let m = &parameters.model;

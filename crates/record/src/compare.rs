@@ -1,4 +1,4 @@
-//! Two recordings held against each other within tolerances: a rig run and its rehearsal.
+//! Comparison of two recordings within tolerances, such as a run against a rig and its rehearsal.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -8,7 +8,7 @@ use crate::column::{Column, ColumnKind};
 use crate::reader::TickRecord;
 use crate::{RecordError, RunReader};
 
-/// Which instants of two recordings are held against each other.
+/// Which instants of two recordings are compared with each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Align {
@@ -19,8 +19,8 @@ pub enum Align {
     FirstContact,
 }
 
-/// What is still the same. A column is judged against the larger of both; one that neither speaks of
-/// is compared and not judged.
+/// Differences that still count as equal. The larger of both tolerances of a column holds; a column
+/// without a tolerance is compared but not judged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tolerance {
     /// Of the peak of the first recording: of a vector's largest length, for its components.
@@ -76,7 +76,7 @@ impl ColumnComparison {
     }
 }
 
-/// A column of counts, states or yes and no: told, not judged.
+/// A column of counts, states or true and false: reported, not judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StateComparison {
     /// The column.
@@ -87,7 +87,7 @@ pub struct StateComparison {
     pub first: Option<(u64, f64)>,
 }
 
-/// Two recordings held against each other.
+/// Result of the comparison of two recordings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// Ticks of the first recording that were compared.

@@ -28,8 +28,8 @@
 //! # let dir = tempfile::tempdir().unwrap();
 //! # let dir = dir.path().join("run");
 //! let columns = vec![Column::f64("/loads", "force_x_n"), Column::u64("/latches", "phase")];
-//! let mut run = RunWriter::create(&dir, columns, Vec::new(), &BTreeMap::new(), Policy::Block)?;
-//! for n in 0..3 {
+//! let mut run = RunWriter::create(&dir, columns, Vec::new(), &BTreeMap::new(), Policy::Wait)?;
+//! for n in 0..3u32 {
 //!     let row = [Cell::from(f64::from(n) * 100.0), Cell::from(u64::from(n))];
 //!     run.tick(Tick(n.into()), SimTime::of_tick(Tick(n.into()), 1_000_000), &row, &[])?;
 //! }

@@ -267,6 +267,13 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Notes that the run was stopped before its end: that is its outcome, and never a pass.
+    pub fn stop(&mut self, why: &str) {
+        self.outcome = Outcome::Stopped;
+        self.verdict = Verdict::Fail;
+        self.failure_reason = Some(why.to_owned());
+    }
+
     /// Notes that the run did not have the conditions asked for, such as a recording to its end: a
     /// pass becomes `degraded`, and the reason is told.
     pub fn degrade(&mut self, why: &str) {

@@ -19,8 +19,9 @@ use crate::column::{Cell, Column, ColumnKind, OWN_COLUMNS};
 use crate::log::SCHEMA_KEY;
 use docktwin_core::{SimTime, Tick};
 
-/// Rows of a row group: 4 s of 1 ms ticks.
-pub(crate) const GROUP_ROWS: usize = 4096;
+/// Rows of a row group: 8 s of 1 ms ticks. What a writer keeps of every group to the end of the run is
+/// in proportion to their number.
+pub(crate) const GROUP_ROWS: usize = 8192;
 
 /// Rows that wait to become a row group.
 pub(crate) struct Block {
@@ -95,7 +96,9 @@ impl<W: Write + Send> Table<W> {
         let mut props = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::try_new(1)?))
             .set_dictionary_enabled(false)
-            .set_statistics_enabled(EnabledStatistics::Chunk)
+            // Nobody reads them, and a writer keeps them to the end of the run.
+            .set_statistics_enabled(EnabledStatistics::None)
+            .set_offset_index_disabled(true)
             .set_key_value_metadata(Some(notes))
             .set_created_by(concat!("docktwin ", env!("CARGO_PKG_VERSION")).into());
         let mut schema = Vec::new();

@@ -1,5 +1,5 @@
 //! One self-contained HTML page of a run: verdict, summary, pictures of the key moments, plots, and
-//! every contact in words.
+//! every contact in words. And what studies found as tables, plots and words: [`study`].
 //!
 //! It reads a run directory as [`docktwin_record`] writes it and works on what is left of one: no
 //! summary, a cut log, missing models. The page says first what is missing, and up to when it can be
@@ -16,7 +16,8 @@
 //! # Ok::<(), docktwin_report::ReportError>(())
 //! ```
 //!
-//! Absent on purpose: physics. What the page says is in the record, or is geometry of it.
+//! Absent on purpose: physics of its own. What the page says is in the record, or is geometry of it; what is
+//! said of a study is in its result.
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 
@@ -27,6 +28,7 @@ mod moments;
 mod page;
 mod picture;
 mod story;
+pub mod study;
 mod words;
 
 use std::fs;

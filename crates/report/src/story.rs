@@ -1,4 +1,4 @@
-//! Contacts: from ticks to what happened, and to words.
+//! Contacts: from ticks to contacts with begin, end and peak, and to sentences.
 
 use core::fmt;
 

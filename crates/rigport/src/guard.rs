@@ -1,38 +1,17 @@
 //! The guard: limits that come with every command and that the rig's end can enforce by itself, without
 //! a memory, a model or the loop.
 //!
-//! The supervisor of the loop acts first and knows more; the guard is the second layer, for a loop that
-//! is wrong. Its limits hold from the command that brings them to the next good one, so a loop narrows
-//! them on the way to a contact and widens them in it. [`Guard::passed`] is the whole judgement; the
-//! protocol page gives it in C.
+//! The supervisor of the loop acts first and knows more; the guard is the second layer, in case the
+//! loop is faulty. Its limits are valid from one valid command to the next, so a loop can narrow
+//! them on the way to a contact and widen them in contact. [`Guard::passed`] is the complete check;
+//! the protocol page gives it as formulas.
 
-use bitflags::bitflags;
 use docktwin_core::{DVec3, Pose, Twist, Wrench};
-use iceoryx2::prelude::ZeroCopySend;
 
+pub use crate::message::GuardLimits;
 use crate::message::{
     Capabilities, RigCommand, RigMeasurement, RigMode, attitude, pose, six, wrench,
 };
-
-/// Limits of the guard: which are set in a command, and which were passed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
-#[repr(C)]
-pub struct GuardLimits(u32);
-
-bitflags! {
-    impl GuardLimits: u32 {
-        /// Force and moment of sensor A beyond its reference.
-        const SENSOR_A = 1;
-        /// The same of sensor B; weight and inertia of what it carries count.
-        const SENSOR_B = 1 << 1;
-        /// Speed of a leg.
-        const LEG_SPEED = 1 << 2;
-        /// Speed of the plate's point, and rate of the plate.
-        const PLATE_SPEED = 1 << 3;
-        /// Position of the plate's point in the box, and turn from its attitude.
-        const POSE = 1 << 4;
-    }
-}
 
 /// The limits of one command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,7 +117,7 @@ impl Guard {
             (GuardLimits::SENSOR_B, Capabilities::SENSOR_B, &m.sensor_b, self.reference[1]),
         ] {
             let change = wrench(read) + -reference;
-            // Written so that a number that is not one passes the limit.
+            // Written so that NaN exceeds the limit.
             let kept = change.f.length() <= self.force_n && change.m.length() <= self.moment_nm;
             out.set(limit, !(m.has(capability) && kept));
         }
@@ -285,7 +264,8 @@ mod tests {
         assert!(passed.contains(expected), "{passed:?}");
     }
 
-    /// A rig that holds, draws back or rests is not led: only forces count, and none where it is to stop.
+    /// A rig that holds, retracts or rests is not driven: only forces count, and none where it is
+    /// to stop.
     #[test]
     fn oracle_motion_counts_in_track_alone() {
         let (mut c, mut m) = good();

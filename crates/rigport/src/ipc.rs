@@ -35,10 +35,10 @@ use crate::{
 };
 
 /// Messages that wait for a slow reader; then the oldest is lost. Fixed by the protocol. A rig in its safe
-/// state sends one a period to onlookers, and the answer among them must outlast a reader that the kernel
-/// has put aside.
+/// state sends one a period for observers, and the answer among them must not be lost while the
+/// kernel has preempted the reader.
 const BUFFER: usize = 64;
-/// Readers of each service: the other side, and onlookers. Fixed by the protocol.
+/// Readers of each service: the other side, and observers. Fixed by the protocol.
 const READERS: usize = 4;
 /// Processes on each service. Fixed by the protocol.
 const NODES: usize = 8;
@@ -164,7 +164,7 @@ fn checked(name: &str) -> Result<&str, IpcError> {
     }
 }
 
-/// One direction: its data and its bell.
+/// One direction: its data service and its event service (the bell).
 #[derive(Debug)]
 struct Direction<T: fmt::Debug + ZeroCopySend + 'static> {
     service: String,

@@ -1,4 +1,4 @@
-//! The port between a loop and a rig: all that an adapter to a rig needs, and nothing of the loop.
+//! The rig port: all that an adapter to a rig needs, and nothing of the loop.
 //!
 //! A rig is whatever takes a [`RigCommand`](message::RigCommand) once a tick and answers with a
 //! [`RigMeasurement`](message::RigMeasurement). `docs/rig-protocol.md` gives every byte of both, so that

@@ -8,8 +8,8 @@
 //! Convention of time, everywhere: the measurement read in tick k is the state of the rig at `t_k`;
 //! the command written in tick k is for `t_{k+1}` and is held until the next.
 //!
-//! What a rig does not have is absent by a bit of [`Capabilities`], never a zero that looks like a
-//! value: numbers whose bit is clear are not looked at.
+//! A clear bit of [`Capabilities`] marks a value as absent; a zero does not. Numbers whose bit is
+//! clear are ignored.
 
 use core::fmt;
 
@@ -36,11 +36,11 @@ pub const PERIODS_NS: core::ops::RangeInclusive<u64> = 10_000..=1_000_000_000;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum RigMode {
-    /// Power off or valves closed; a rig rests where it is and forgets an earlier run. What is joined
-    /// stays joined.
+    /// Power off or valves closed; a rig rests where it is and ends an earlier session. Joined
+    /// rings stay joined.
     #[default]
     Idle = 0,
-    /// Hold the present pose; commands of motion are not looked at.
+    /// Hold the present pose; motion commands are ignored.
     Hold = 1,
     /// Follow the commands.
     Track = 2,
@@ -131,7 +131,7 @@ bitflags! {
         /// Virtual clock: the rig takes one tick of its own time for every command and may take as long
         /// as it needs. Without it, time is that of `CLOCK_MONOTONIC`.
         const LOCKSTEP = 1;
-        /// Commands come slowed down, with an open gap, to try the way out (`--dry-run`).
+        /// Dry run (`--dry-run`): slow motion without contact, to test the path.
         const DRY_RUN = 1 << 1;
     }
 }
@@ -158,8 +158,8 @@ bitflags! {
         const SAFE_STATE = 1 << 5;
         /// The rig refused the command that this answers; `refusal` says why.
         const REFUSED = 1 << 6;
-        /// Answers no command: what a rig in its safe state goes on sending to onlookers. `tick` is
-        /// that of the last command answered; the loop passes over it.
+        /// Answers no command: sent by a rig in its safe state for observers. `tick` is that of the
+        /// last command answered; the loop ignores it.
         const UNSOLICITED = 1 << 8;
         /// The accelerometers are at the end of their range.
         const ACCELEROMETER_SATURATED = 1 << 10;
@@ -213,6 +213,26 @@ bitflags! {
         const TEMPERATURE = 1 << 20;
         /// The `truth_` fields hold; only emulated rigs set it.
         const TRUTH = 1 << 21;
+    }
+}
+
+/// Limits of the guard: which are set in a command, and which were passed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[repr(C)]
+pub struct GuardLimits(u32);
+
+bitflags! {
+    impl GuardLimits: u32 {
+        /// Force and moment of sensor A beyond its reference.
+        const SENSOR_A = 1;
+        /// The same of sensor B; weight and inertia of what it carries count.
+        const SENSOR_B = 1 << 1;
+        /// Speed of a leg.
+        const LEG_SPEED = 1 << 2;
+        /// Speed of the plate's point, and rate of the plate.
+        const PLATE_SPEED = 1 << 3;
+        /// Position of the plate's point in the box, and turn from its attitude.
+        const POSE = 1 << 4;
     }
 }
 
@@ -270,8 +290,8 @@ pub struct RigCommand {
     pub plate_wrench: [f64; 6],
     /// A [`MechanismMode`].
     pub mechanism_mode: u32,
-    /// Limits of the guard that are set: bits of [`crate::guard::GuardLimits`].
-    pub guard_limits: crate::guard::GuardLimits,
+    /// Limits of the guard that are set: bits of [`GuardLimits`].
+    pub guard_limits: GuardLimits,
     /// Where the drives of the mechanism are to go, m or rad, in the order of the mechanism's file; 0
     /// where there are none.
     pub mechanism: [f64; 8],
@@ -331,7 +351,7 @@ pub struct RigMeasurement {
     /// Latches whose phases are reported, at most [`LATCHES`].
     pub latch_count: u32,
     /// Limits at which the guard of the rig's end has stopped the rig in this session.
-    pub guard_tripped: crate::guard::GuardLimits,
+    pub guard_tripped: GuardLimits,
     /// Lengths, m.
     pub leg_length_m: [f64; LEGS],
     /// Their rates, m/s.
@@ -436,7 +456,7 @@ impl RigCommand {
             plate_acceleration: [0.0; 6],
             plate_wrench: [0.0; 6],
             mechanism_mode: 0,
-            guard_limits: crate::guard::GuardLimits::empty(),
+            guard_limits: GuardLimits::empty(),
             mechanism: [0.0; 8],
             guard_reference_a: [0.0; 6],
             guard_reference_b: [0.0; 6],
@@ -511,7 +531,7 @@ impl RigCommand {
     #[must_use]
     pub fn keeps_reserved(&self) -> bool {
         let unknown = (self.flags.bits() & !Flags::all().bits())
-            | (self.guard_limits.bits() & !crate::guard::GuardLimits::all().bits());
+            | (self.guard_limits.bits() & !GuardLimits::all().bits());
         unknown == 0
             && self.leg_count as usize <= LEGS
             && MechanismMode::from_number(self.mechanism_mode).is_some()
@@ -535,7 +555,7 @@ impl RigMeasurement {
             drive: 0,
             leg_count: 0,
             latch_count: 0,
-            guard_tripped: crate::guard::GuardLimits::empty(),
+            guard_tripped: GuardLimits::empty(),
             leg_length_m: [0.0; LEGS],
             leg_speed_m_s: [0.0; LEGS],
             leg_force_n: [0.0; LEGS],
@@ -658,7 +678,7 @@ impl RigMeasurement {
     pub fn keeps_reserved(&self) -> bool {
         let unknown = (self.status.bits() & !Status::all().bits())
             | (self.capabilities.bits() & !Capabilities::all().bits())
-            | (self.guard_tripped.bits() & !crate::guard::GuardLimits::all().bits());
+            | (self.guard_tripped.bits() & !GuardLimits::all().bits());
         unknown == 0
             && self.leg_count as usize <= LEGS
             && self.latch_count as usize <= LATCHES
@@ -857,7 +877,7 @@ mod tests {
             |c| c.flags = Flags::from_bits_retain(1 << 2),
             |c| c.leg_count = 7,
             |c| c.mechanism_mode = 4,
-            |c| c.guard_limits = crate::guard::GuardLimits::from_bits_retain(1 << 31),
+            |c| c.guard_limits = GuardLimits::from_bits_retain(1 << 31),
             |c| c.reserved[7] = 1,
         ];
         for spoil in spoiled {
@@ -873,7 +893,7 @@ mod tests {
             |m| m.leg_count = 7,
             |m| m.latch_count = 9,
             |m| m.drive = 3,
-            |m| m.guard_tripped = crate::guard::GuardLimits::from_bits_retain(1 << 31),
+            |m| m.guard_tripped = GuardLimits::from_bits_retain(1 << 31),
             |m| m.reserved[0] = 1,
         ];
         for spoil in spoiled {

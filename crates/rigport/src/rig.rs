@@ -18,9 +18,10 @@ pub enum RigError {
     Transport,
 }
 
-/// The rig, from the loop: emulated in process, another process, a rig of steel.
+/// The rig as the loop sees it: emulated in process, another process, or a physical rig.
 ///
-/// On the path of the loop: nothing here allocates, locks, logs or waits longer than asked.
+/// Called in the real-time loop: nothing here allocates, locks, logs or waits longer than
+/// `patience`.
 pub trait Rig {
     /// Sends the command of a tick.
     ///

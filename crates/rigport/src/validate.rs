@@ -250,7 +250,7 @@ impl RigEnd {
     ) -> RigMeasurement {
         let clock = (!command.flags.contains(Flags::LOCKSTEP)).then_some(now_ns);
         let before = self.sequence;
-        // Whoever runs this may have slept through the silence.
+        // The caller may not have called `silence` in time.
         if clock.is_some() && !self.in_lockstep() && now_ns > self.due_ns(Duration::MAX) {
             self.enter_safe_state();
         }
@@ -268,8 +268,8 @@ impl RigEnd {
         self.refuse(plant, Refusal::Size, self.sequence.session, self.tick(), clock)
     }
 
-    /// One period without a command after the patience with the loop is over: the safe state. The
-    /// measurement is for onlookers.
+    /// One period without a command after the timeout: the safe state. The measurement is for
+    /// observers.
     pub fn silence(&mut self, plant: &mut impl Plant, now_ns: u64) -> RigMeasurement {
         // From then on along a grid, but never behind by more than a period.
         let on_grid_ns =

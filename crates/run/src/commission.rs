@@ -1,5 +1,5 @@
-//! What is found out about a rig before a loop is closed around it: identification of its drives,
-//! calibration of its sensors; and its way back after a run.
+//! Commissioning of a rig before the loop is closed: identification of its drives, calibration of
+//! its sensors; and retraction after a run.
 
 use std::{
     path::{Path, PathBuf},
@@ -171,7 +171,7 @@ fn failed(e: &dyn core::fmt::Display) -> RunError {
     RunError::usage(e.to_string(), "the rig was stopped, and nothing was written")
 }
 
-/// Takes a rig over, does the work by the clock that was asked for, and lets the rig go.
+/// Connects to a rig, does the work with the chosen clock, and ends the session.
 fn drive<R: Rig, W: Work, O: Operator>(
     rig: R,
     options: &DriveOptions,
@@ -371,13 +371,14 @@ impl Work for DrawBack {
         drive.retract().map_err(|e| {
             RunError::usage(
                 e.to_string(),
-                "the rig was stopped; mend the cause, or draw it back with its own controller",
+                "the rig was stopped; fix the cause, or draw it back with its own controller",
             )
         })
     }
 }
 
-/// Opens the latches and draws a rig behind a port back, until nothing touches; gives `X_34` there.
+/// Opens the latches and retracts a rig through the rig port until nothing touches; gives `X_34`
+/// there.
 ///
 /// # Errors
 /// The rig is an emulated one of this process, cannot be taken over, or stopped.

@@ -1,4 +1,4 @@
-//! What moves the spacecraft besides the mechanism: thrusters on a timetable, a person, a controller.
+//! Control wrenches on the spacecraft: timed thrusts, a pilot, a controller.
 
 use docktwin_core::{Pose, Twist, Wrench};
 use docktwin_physics::{body::BodyState, reduced::Inputs};
@@ -51,7 +51,13 @@ pub trait Control {
         false
     }
 
-    /// Whether a person is at the controls: the run then keeps to the clock on the wall.
+    /// An order from outside to stop now, and what gave it, such as `SIGINT`: the run is closed with the
+    /// outcome `stopped`, a rig comes to rest first.
+    fn stopped(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Whether a pilot gives the wrenches: the run then keeps real time.
     fn in_person(&self) -> bool {
         false
     }
@@ -87,6 +93,10 @@ impl<A: Control, B: Control> Control for (A, B) {
         self.0.ended() || self.1.ended()
     }
 
+    fn stopped(&self) -> Option<&'static str> {
+        self.0.stopped().or_else(|| self.1.stopped())
+    }
+
     fn in_person(&self) -> bool {
         self.0.in_person() || self.1.in_person()
     }
@@ -103,6 +113,10 @@ impl<C: Control> Control for Option<C> {
 
     fn ended(&self) -> bool {
         self.as_ref().is_some_and(Control::ended)
+    }
+
+    fn stopped(&self) -> Option<&'static str> {
+        self.as_ref().and_then(Control::stopped)
     }
 
     fn in_person(&self) -> bool {

@@ -68,7 +68,7 @@ impl RunError {
             Self::RigFile(_) => {
                 "give a file that `docktwin rig identify` or `rig calibrate` wrote for this rig"
             }
-            Self::Arm(_) => "mend what failed and arm again; nothing has moved",
+            Self::Arm(_) => "fix what failed and arm again; nothing has moved",
             _ => "",
         }
     }

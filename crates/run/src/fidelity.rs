@@ -36,7 +36,7 @@ const MOST_APART: usize = 60_000;
 /// One tick of either side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trace {
-    /// F4 on the target, in `e4`, N: true where the rig tells it, else measured.
+    /// F4 on the target, in `e4`, N: true value if the rig reports it, otherwise measured.
     pub force_n: DVec3,
     /// `p_34`, m.
     pub position_m: DVec3,

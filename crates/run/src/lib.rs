@@ -1,7 +1,6 @@
-//! What a run is: a rehearsal of a scenario ([`Rehearsal`]), a loop with a rig ([`HilRun`]), a replay of
-//! a recording ([`Replay`]). Each is a value that steps tick by tick for a caller with a loop of its own,
-//! and runs whole for one without; where the ticks go is a [`Sink`]: a run directory, memory, or nothing
-//! but the summary.
+//! Runs: a rehearsal of a scenario ([`Rehearsal`]), a loop with a rig ([`HilRun`]), a replay of a
+//! recording ([`Replay`]). A caller can step the first two tick by tick or run each of them to its
+//! end. The ticks go to a [`Sink`]: a run directory, memory, or only the summary.
 //!
 //! ```
 //! use docktwin_run::{Rehearsal, SummaryOnly};
@@ -15,9 +14,9 @@
 //! ```
 //!
 //! From a scenario to bodies and control wrenches: [`setup`]; every signal that is recorded, with unit,
-//! frame and meaning: [`columns`]; their values, of a state: [`signals`], with a rig [`telemetry`]; what is
-//! gathered along a run and judged: [`observer`]; how near a rig comes to the simulated system:
-//! [`fidelity`].
+//! frame and meaning: [`columns`]; their values, of a state: [`signals`], with a rig [`telemetry`];
+//! accounts, events and verdict of a run: [`observer`]; comparison of a run against a rig with the
+//! simulated system: [`fidelity`].
 //!
 //! Absent on purpose: the command line, printing, terminals, the viewer.
 

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, time::Instant as WallInstant};
 
-use docktwin_core::{SimTime, Tick};
+use docktwin_core::{SimTime, Tick, Wrench};
 use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_physics::{
     body::BodyState,
@@ -18,7 +18,7 @@ use crate::{
     control::{Coasting, Control, Situation, TimedThrusts},
     error::{RunError, SinkError},
     event::RunEvent,
-    observer::{Asked, Observed, Observer, pair_name, recorded_outcome},
+    observer::{Asked, Observed, Observer, pair_name},
     progress::Progress,
     provenance::digest_keys,
     setup::{start, tick_digest},
@@ -144,6 +144,9 @@ impl<'a> Rehearsal<'a> {
             if control.ended() {
                 run.end();
             }
+            if let Some(by) = control.stopped() {
+                run.stop(&format!("stopped by {by}"));
+            }
             let wrenches = if run.last { Inputs::default() } else { control.wrenches(&now) };
             run.tick(&wrenches);
             if run.tick.is_multiple_of(PROGRESS_TICKS) {
@@ -188,9 +191,23 @@ impl<'a> Rehearsal<'a> {
             tick: 0,
             last: false,
             ended: false,
+            stopped: None,
             lost: None,
         })
     }
+}
+
+/// A body whose control wrench is not finite. An engine may pass over one, and its state stays finite.
+fn not_finite_control(control: &Inputs) -> Option<&'static str> {
+    let finite = |w: &Wrench| w.f.is_finite() && w.m.is_finite();
+    let bodies = [("chaser", &control.chaser), ("target", &control.target)];
+    bodies.into_iter().find(|(_, w)| !finite(w)).map(|(name, _)| name)
+}
+
+/// A body whose state is not finite.
+fn not_finite(now: &Instant) -> Option<&'static str> {
+    let bodies = ["chaser", "docking ring", "target"].into_iter().zip(&now.state.bodies);
+    bodies.into_iter().find(|(_, b)| !b.is_finite()).map(|(name, _)| name)
 }
 
 fn metadata(
@@ -270,6 +287,8 @@ pub struct RunningRehearsal<'a, S> {
     tick: u64,
     last: bool,
     ended: bool,
+    /// Why it was stopped before its end.
+    stopped: Option<String>,
     lost: Option<SinkError>,
 }
 
@@ -307,6 +326,12 @@ impl<S: Sink> RunningRehearsal<'_, S> {
     /// Lets the tick to come be the last: it is recorded, and nothing moves any more.
     pub const fn end(&mut self) {
         self.last = true;
+    }
+
+    /// Stops the run: the tick to come is the last, and its outcome is `stopped` for this reason.
+    pub fn stop(&mut self, why: &str) {
+        self.last = true;
+        self.stopped.get_or_insert_with(|| why.to_owned());
     }
 
     /// Where the sink failed first.
@@ -350,6 +375,13 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             wrenches = self.thrusts.wrenches(&situation);
             wrenches.chaser += control.chaser;
             wrenches.target += control.target;
+            if let Some(body) = not_finite_control(&wrenches) {
+                self.stop(&format!(
+                    "the control wrench of the {body} is not finite in tick {}: look at what controls it",
+                    self.tick
+                ));
+                wrenches = Inputs::default();
+            }
         }
         self.record(&situation, &wrenches);
         if self.last {
@@ -359,8 +391,17 @@ impl<S: Sink> RunningRehearsal<'_, S> {
         let begin = WallInstant::now();
         self.twin.tick(&wrenches);
         self.observer.time_steps(begin.elapsed().as_nanos(), self.twin.steps());
+        let before = self.tick;
         self.tick += 1;
         *self.now = self.twin.instant(self.time().seconds());
+        if let Some(body) = not_finite(&self.now) {
+            // Nothing of it is recorded.
+            self.stop(&format!(
+                "the state of the {body} is not finite after tick {before}: look at masses, inertias and \
+                 stiffness, or take more steps in a tick (run.steps_per_tick)"
+            ));
+            self.ended = true;
+        }
     }
 
     /// The tick to come as it was recorded: `control` is all that acts, the scenario's thrusts included.
@@ -420,9 +461,14 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             Asked { scenario: &self.scenario.name, expect: &self.scenario.expect, seed: self.seed };
         let mut summary =
             self.observer.summary(&asked, &self.now.state, &judgement, self.tick, time);
+        let mut reason = judgement.reason;
+        if let Some(why) = self.stopped.take() {
+            summary.stop(&why);
+            reason = why;
+        }
         self.events.push(RunEvent::Outcome {
-            outcome: recorded_outcome(judgement.outcome),
-            reason: judgement.reason,
+            outcome: summary.outcome,
+            reason,
             decided_s: judgement.time_s,
         });
         if let Err(e) = self.recorder.events(&mut self.sink, &mut self.events, tick, time) {
@@ -437,5 +483,27 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             summary.degrade(&e.to_string());
         }
         (summary, self.sink)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use docktwin_core::DVec3;
+    use docktwin_scenario::Loader;
+
+    use super::*;
+
+    #[test]
+    fn regress_a_body_that_is_not_finite_is_named() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let scenario = Loader::new().load(&path.join("apas_nominal.toml")).expect("a scenario");
+        let (system, bodies) = start(&scenario).expect("the sides are apart");
+        let twin = TickedTwin::new(TwinKind::Reduced, system, bodies, 1_000_000, 10);
+        let mut now = twin.instant(0.0);
+        assert_eq!(not_finite(&now), None);
+        for (i, name) in ["chaser", "docking ring", "target"].into_iter().enumerate().rev() {
+            now.state.bodies[i].v = DVec3::NAN;
+            assert_eq!(not_finite(&now), Some(name));
+        }
     }
 }

@@ -1,5 +1,5 @@
-//! A rig as every run meets it: where it is, who lets it move, what the machine grants the loop around
-//! it, and what was found out about it beforehand.
+//! Where a rig is, confirmation by the operator, real-time settings of the machine, and files of
+//! identification and calibration.
 
 use core::{fmt, str::FromStr};
 use std::{path::Path, time::Duration};
@@ -31,7 +31,7 @@ pub enum RigPlace {
     /// Emulated in this process.
     #[default]
     Emulated,
-    /// Behind the port of this name, and perhaps of steel.
+    /// Through the rig port of this name; may be a physical rig.
     Port(String),
 }
 
@@ -64,7 +64,7 @@ pub enum ClockKind {
     /// As fast as loop and rig can, in lockstep.
     #[default]
     Virtual,
-    /// The clock on the wall.
+    /// Real time.
     Realtime,
 }
 
@@ -81,8 +81,8 @@ impl ClockKind {
 
 /// The person responsible for the rig.
 pub trait Operator {
-    /// Whether the rig at this place may move now. It is asked about a rig behind a port, which may be of
-    /// steel, and not about an emulated one in this process.
+    /// Whether the rig at this place may move now. Called for a rig at the rig port, which may be a
+    /// physical one, not for an emulated rig in this process.
     ///
     /// # Errors
     /// It may not: nothing moves.
@@ -130,7 +130,7 @@ pub fn new_session() -> u64 {
     u64::try_from(jiff::Timestamp::now().as_nanosecond()).unwrap_or(1).max(1)
 }
 
-/// Finds the rig behind a port.
+/// Connects to a rig through the rig port.
 ///
 /// # Errors
 /// There is none.

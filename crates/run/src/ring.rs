@@ -1,9 +1,9 @@
-//! A bounded ring between a loop and a thread that looks at what it did.
+//! A bounded ring buffer between the real-time loop and the thread that observes its ticks.
 //!
-//! A place belongs to the reader from the moment `head` passes it until `tail` does, to the writer
-//! otherwise: no lock is ever contended, and the writer takes a fixed number of steps whatever the
-//! reader does. A channel would not do: a receiver that is put aside in the middle of it lets the
-//! sender spin.
+//! A slot belongs to the reader from the moment `head` passes it until `tail` does, to the writer
+//! otherwise: no lock is ever contended, and the writer takes a bounded number of steps whatever
+//! the reader does. A channel is not suitable: if its receiver is preempted while it receives, the
+//! sender spins.
 
 use std::sync::{
     Mutex,

@@ -109,7 +109,7 @@ pub struct Measured {
 
 impl Expect {
     /// What is expected of a run against a rig: the outcome alone. Bounds are of the docking without a
-    /// rig; how far the rig is from it is told as fidelity.
+    /// rig; the deviation of the rig is reported as fidelity.
     #[must_use]
     pub fn of_hil(&self) -> Self {
         let any = Bound::default();

@@ -213,7 +213,7 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "loop.compensator",
         Shape::Words(&["none", "lead"], false),
-        "What is done against the delay of the rig; without it `lead`.",
+        "Compensator of the delay of the rig; without it `lead`.",
     ),
     key(
         "loop.lead_s",
@@ -266,7 +266,7 @@ pub(crate) const KEYS: &[Key] = &[
         "expect.hil_outcome",
         Shape::Words(OUTCOMES, false),
         "How `hil` must end to pass, where that is not `outcome`. The other bounds count for \
-         `rehearse` alone: how far a rig is from it is told as fidelity.",
+         `rehearse` alone: the deviation of a rig is reported as fidelity.",
     ),
     key("expect.because", Shape::Text, "Why physics gives this outcome."),
     key("expect.first_contact_after_s", Shape::Maybe(TIME), "First contact not before this time."),

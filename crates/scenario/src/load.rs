@@ -136,7 +136,7 @@ pub struct HilSettings {
     pub moment_limit_nm: Option<f64>,
 }
 
-/// What is done against the delay of a rig.
+/// Compensator of the delay of a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompensatorChoice {
     /// Nothing.
@@ -148,6 +148,9 @@ pub enum CompensatorChoice {
 impl CompensatorChoice {
     /// Words by which scenario and command line name them.
     pub const WORDS: [(&'static str, Self); 2] = [("none", Self::None), ("lead", Self::Lead)];
+
+    /// The same words as an option of the command line shows them.
+    pub const NAMES: &'static str = "none|lead";
 }
 
 /// The body a thrust acts on.

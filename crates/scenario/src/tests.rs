@@ -357,3 +357,13 @@ fn regress_bad_scenarios_are_refused_with_a_reason() {
     let gone = load_scenario(Path::new("gone.toml"), &[]).expect_err("no such file");
     assert!(gone.to_string().contains("does not exist"));
 }
+
+/// Names of compensators stand in three places: keys, words and the help of the command line.
+#[test]
+fn invariant_compensators_have_one_list_of_names() {
+    let words = crate::CompensatorChoice::WORDS.map(|(w, _)| w);
+    assert_eq!(words.join("|"), crate::CompensatorChoice::NAMES);
+    let key = crate::keys::find("loop.compensator").expect("the key");
+    let crate::keys::Shape::Words(listed, _) = key.shape else { panic!("{:?}", key.shape) };
+    assert_eq!(words.as_slice(), listed);
+}

@@ -1,10 +1,10 @@
-//! Questions that are answered by an analysis, by many runs or on a test bench: typed results, no text.
+//! Design analyses and validations as functions with typed results: no text output.
 //!
 //! | question | function |
 //! | --- | --- |
 //! | what does a motion simulator reach, carry and follow? | [`rig`] |
 //! | how does a docking mechanism answer on the test bench? | [`mechanism::mechanism`] |
-//! | is the smallest HIL loop the simulated system? | [`single_dof::single_dof`] |
+//! | does the single-DOF HIL simulation reproduce the simulated system? | [`single_dof::single_dof`] |
 //! | what does the whole loop do to a spring stick, Table 4? | [`vibro_impact::vibro_impact`] |
 //! | does a second engine come to the same docking? | [`crosscheck::compare`] |
 //!

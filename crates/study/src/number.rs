@@ -40,6 +40,12 @@ impl Complex {
     pub fn phase_deg(self) -> f64 {
         nalgebra::Complex::from(self).arg().to_degrees()
     }
+
+    /// This number divided by another one.
+    #[must_use]
+    pub fn over(self, other: Self) -> Self {
+        (nalgebra::Complex::from(self) / nalgebra::Complex::from(other)).into()
+    }
 }
 
 impl From<nalgebra::Complex<f64>> for Complex {
@@ -87,5 +93,6 @@ mod tests {
         let z = Complex { re: 0.0, im: -10.0 };
         assert!((z.db() - 20.0).abs() < 1e-12 && (z.phase_deg() + 90.0).abs() < 1e-12);
         assert_eq!(Complex::from(nalgebra::Complex::from(z)), z);
+        assert_eq!(z.over(Complex { re: 0.0, im: 5.0 }), Complex { re: -2.0, im: 0.0 });
     }
 }

@@ -126,8 +126,8 @@ impl SingleDofError {
             Self::NoCharacteristic { .. } => {
                 "give a mechanism with [attenuation.characteristic], loaded with that attenuation"
             }
-            Self::Singular => "mend oil volume and valve in the rig file",
-            Self::Setup(_) => "mend the rig file",
+            Self::Singular => "correct oil volume and valve in the rig file",
+            Self::Setup(_) => "correct the rig file",
         }
     }
 }

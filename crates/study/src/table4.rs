@@ -387,7 +387,7 @@ impl VibroTest {
         mut look: impl FnMut(&TickRecord),
     ) -> Result<VibroRun, VibroError> {
         let mut running = idle.arm(Vec::new())?.start();
-        // In real time nothing is to grow in the loop.
+        // Reserved in advance: no allocation in the real-time loop.
         #[expect(clippy::cast_possible_truncation, reason = "minutes at 1 kHz")]
         let mut samples = Vec::with_capacity(running.setup().ticks as usize);
         while !running.finished() {
@@ -403,7 +403,7 @@ impl VibroTest {
     }
 }
 
-/// Load at which the supervisor stops a test, N and N·m: the rod is bent for good at 340 N.
+/// Load at which the supervisor stops a test, N and N·m. (A real rod is bent permanently at 340 N.)
 const LOAD_LIMIT: f64 = 2000.0;
 
 /// Why a test was not run to its end.

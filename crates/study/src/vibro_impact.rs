@@ -1,8 +1,8 @@
 //! Table 4 of the paper (§7.4): a spring stick between two stops, run through the body programme in six
 //! degrees of freedom and the whole loop.
 //!
-//! Nothing is lost in the stick, so R_e (speed after over speed before, of the body programme) and R_T
-//! (duration of contact over π√(m_r/K)) would both be 1; what is missing or too much is the loop's.
+//! Nothing is lost in the stick, so R_e (speed after over speed before, of the body programme) and
+//! R_T (duration of contact over π√(m_r/K)) would both be 1; a deviation is an error of the loop.
 //! [`crate::table4`] has one test; here many are run, on the rig and on rigs drawn within the
 //! spread of its file, and put together. How a test reaches a rig is the caller's part
 //! ([`vibro_impact`]); [`on_emulated_rig`] is one way.
@@ -30,6 +30,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod place;
+
 use core::{fmt, str::FromStr, time::Duration};
 
 use docktwin_control::{
@@ -50,6 +52,8 @@ use crate::{
     Progress,
     table4::{Axis, Contact, Row, Sample, TABLE_4, VibroError, VibroRun, VibroSettings, VibroTest},
 };
+
+pub use self::place::{PlacedTestError, StickModels, on_rig};
 
 /// Rows that the paper has; one more, at 5 Hz, is docktwin's.
 pub const PAPER_CASES: usize = 6;
@@ -619,7 +623,7 @@ fn test<'a, E>(
 }
 
 /// Runs rows of Table 4 and puts them together. `run` runs one test on the rig of the file or on a
-/// drawn one: see [`run_test`] and [`on_emulated_rig`].
+/// drawn one: see [`on_rig`], [`run_test`] and [`on_emulated_rig`].
 ///
 /// # Errors
 /// See [`VibroImpactError`].

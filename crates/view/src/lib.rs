@@ -20,14 +20,14 @@
 //! | `contact_table` | now and peak force of every pair of surfaces |
 //! | `events` | what the run reported |
 //!
-//! Forces are those that the active side feels. Rings and petals are drawn like glass with edges,
-//! so that what happens between them shows. The viewer opens at the end of the run, where peaks and
+//! Forces are those on the active side. Rings and petals are drawn transparent with edges, so that
+//! contacts between them are visible. The viewer opens at the end of the run, where peaks and
 //! trace sum it up; every plot shares one time axis.
 //!
 //! [`RigWriter`] records a motion simulator instead, in its ground frame `eb`: legs coloured by the room
 //! their strokes have left, and the docking workspace inside the reachable one.
 //!
-//! Hulls are a sign, not a model: a cylinder of the vehicle's own mass and inertia behind the port.
+//! Hulls are symbols, not models: a cylinder of the vehicle's own mass and inertia behind the port.
 //! So are the legs of an attenuator that is given as tables.
 //!
 //! This crate sees no physics engine and reads no clock.

@@ -8,7 +8,7 @@ pub(crate) const PASSIVE: u32 = 0x4C_90_F0_FF;
 /// Opacity of rings and petals: what happens between them must show, so their edges are drawn and
 /// their faces are like glass.
 pub(crate) const GLASS: u8 = 0x24;
-/// Hulls let the mechanism shine through.
+/// Opacity of hulls: the mechanism must be visible through them.
 pub(crate) const ACTIVE_HULL: u32 = 0x9A_84_6C_10;
 pub(crate) const PASSIVE_HULL: u32 = 0x6C_80_9C_10;
 /// The other run of a comparison: faces and edges.

@@ -1,8 +1,8 @@
 //! A lead of constant time, `x + τ v`, by which the command is ahead of the motion: exact for a delay τ as
 //! long as velocity is constant. It leaves |G| = 1 + θ²/2 and a phase of −θ³/3 with θ = ωτ.
 //!
-//! The lead is of the motion, not of the force: velocity, acceleration and jerk are led alike, so that
-//! the feed-forward belongs to the pose it comes with.
+//! The lead is applied to the motion, not to the force: velocity, acceleration and jerk get the
+//! same lead, so that the feed-forward is consistent with the pose.
 
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
@@ -11,8 +11,8 @@ use super::{Compensator, Demand, LoopContext};
 /// Longest lead, s.
 pub const MOST_LEAD_S: f64 = 0.1;
 
-/// `x + τ v`. With τ above the delay of the rig it takes energy out of every contact, below it puts some
-/// in.
+/// `x + τ v`. With τ above the delay of the rig the loop loses energy in every contact, below it
+/// the loop gains energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lead {
     lead_s: f64,

@@ -1,6 +1,6 @@
-//! What is done against the delay of the rig: one file a method, one seam for all of them.
+//! Compensators of the delay of the rig: one file for each method, one trait for all.
 //!
-//! A method is called twice in a tick, because a tick has two places where it can act:
+//! A method is called twice in a tick, because it can act at two points of a tick:
 //!
 //! 1. [`Compensator::wrench`], before the bodies are integrated: what was measured is known, and a
 //!    correction of the wrenches still reaches the bodies in this tick. One that came after would be a
@@ -8,8 +8,8 @@
 //! 2. [`Compensator::command`], after it: the motion of the bodies at `t_{k+1}` is known, and the command
 //!    for it is made.
 //!
-//! A new method is a file here, a variant of [`Compensation`] and of [`Method`], and its word on the
-//! command line; `tests/compensation.rs` holds what every method must pass.
+//! A new method needs a file here, a variant of [`Compensation`] and of [`Method`], and a name on
+//! the command line; `tests/compensation.rs` has the tests that every method must pass.
 
 mod context;
 mod lead;
@@ -22,15 +22,15 @@ pub use context::{LoopContext, Measured, Phase};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
 
-/// A method against the delay of the rig.
+/// A compensator of the delay of the rig.
 ///
-/// On the path of the loop: no allocation, no lock, no clock, no logging. The same calls give the same
-/// bits. Finite inputs give finite outputs.
+/// Called in the real-time loop: no allocation, no lock, no clock, no logging. The same calls give
+/// the same bits. Finite inputs give finite outputs.
 pub trait Compensator {
     /// Name as on the command line.
     fn name(&self) -> &'static str;
 
-    /// Forgets everything of an earlier run. Called when the loop is armed, before its first tick.
+    /// Resets its state. Called when the loop is armed, before its first tick.
     fn reset(&mut self);
 
     /// The wrenches to add to those measured at the ports before the bodies take them, or `None` where
@@ -40,8 +40,8 @@ pub trait Compensator {
     /// Limits, first contact and verdicts go by the measured wrenches.
     fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports>;
 
-    /// What to command so that the rig shows `next`, the motion wanted at `t_{k+1}`. `seen.bodies` stands
-    /// at `t_{k+1}` now.
+    /// The command with which the rig reproduces `next`, the motion commanded for `t_{k+1}`.
+    /// `seen.bodies` is now at `t_{k+1}`.
     fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand;
 
     /// Digest of the method's own state, for methods that have any: a replay compares it.
@@ -80,7 +80,8 @@ impl Demand {
     }
 }
 
-/// Where one path is to be when it arrives, and what touches it there.
+/// Motion that one path of a command has to reach at its time of arrival, and the contact expected
+/// there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
     /// Motion of `e4` against `e3`.

@@ -28,15 +28,15 @@ pub struct SafetyLimits {
     /// Largest deviation of the measured from the commanded pose, m; turns at the radius of the plate
     /// joints. Default 0.02: more than twice what the emulated rig needs at the fastest approach.
     pub tracking_error_m: f64,
-    /// Most ticks in a row without a usable measurement. Default 10: as many periods as after which a rig
-    /// takes a silent loop for gone.
+    /// Most ticks in a row without a usable measurement. Default 10: after as many periods without
+    /// a command a rig goes to its safe state.
     pub ticks_without_measurement: u32,
     /// Most measurements in a row in which a sensor repeats the one before to the last bit. Default 20: a
     /// sensor that is alive shows its noise; arming asks for the same.
     pub sensor_frozen_ticks: u32,
 }
 
-/// Between no and yes, for rules that know nothing in between.
+/// Threshold between 0 (no) and 1 (yes), for rules that are only true or false.
 const YES_OR_NO: f64 = 0.5;
 
 impl SafetyLimits {

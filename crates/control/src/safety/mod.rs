@@ -1,16 +1,16 @@
-//! The supervisor: what ends a run before steel bends.
+//! The supervisor: stops a run before the rig is damaged.
 //!
-//! It judges once a tick, before anything is sent, what was measured and what is about to be commanded.
-//! The first limit passed is kept; what follows from it is not reported apart.
+//! Once a tick, before anything is sent, it checks the measurement and the command to be sent. The
+//! first limit exceeded is kept; later ones are not reported.
 //!
 //! | file | what |
 //! | --- | --- |
 //! | here | which limits there are, and the supervisor that applies the rules |
 //! | `limits` | their values, by name, with unit and source |
-//! | `rules` | one function a rule: what is held against which limit |
+//! | `rules` | one function for each rule: which quantity is compared with which limit |
 //!
-//! A new limit is a variant of [`Limit`] with its name, a field of [`SafetyLimits`], a rule, what it looks at
-//! in [`Watched`], and a row in `docs/bring-up-a-rig.md`.
+//! A new limit is a variant of [`Limit`] with its name, a field of [`SafetyLimits`], a rule, its
+//! quantity in [`Watched`], and a row in `docs/bring-up-a-rig.md`.
 
 use docktwin_core::{DVec3, Euler, Pose};
 use docktwin_model::Rig;
@@ -41,11 +41,11 @@ pub enum Limit {
     Tracking,
     /// Ticks in a row without a good measurement.
     Watchdog,
-    /// The rig left the commands of its own: safe state, emergency stop, limit switch, switched off.
+    /// The rig stopped following by itself: safe state, emergency stop, limit switch, switched off.
     Rig,
-    /// A sensor at the end of its range, or gone: what it says then is not what is.
+    /// A sensor is saturated or missing: its reading is not valid.
     Saturated,
-    /// Measurements in a row in which a sensor says the same to the last bit.
+    /// Consecutive measurements in which the reading of a sensor is bit-identical.
     Frozen,
     /// A number that is not finite.
     Finite,

@@ -1,4 +1,4 @@
-//! The rules of the supervisor, one function each: what of a tick is held against which limit.
+//! The rules of the supervisor, one function each: which quantity is compared with which limit.
 
 use super::{Limit, SafetyLimits, Watched};
 
@@ -9,7 +9,7 @@ pub(super) struct Reading {
     pub(super) value: f64,
     /// Allowed.
     pub(super) allowed: f64,
-    /// Whether the limit is passed. False for a number that is not one, which the supervisor sees by itself.
+    /// Whether the limit is exceeded. False for NaN, which the supervisor checks separately.
     pub(super) passed: bool,
     /// 1 with nothing used up, 0 at the limit.
     pub(super) margin: f64,

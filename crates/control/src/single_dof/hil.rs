@@ -206,7 +206,7 @@ impl<'a> Running<'a> {
         }
     }
 
-    /// How late the force felt is, s, and whether the leg is to expect it.
+    /// Delay of the measured force, s; `None` if the force is not fed forward to the leg.
     fn expects_after_s(&self) -> Option<f64> {
         match self {
             Self::Leg(leg) if leg.setup.compensation == Compensation::Ahead => {
@@ -216,7 +216,7 @@ impl<'a> Running<'a> {
         }
     }
 
-    /// One tick towards the motion that is wanted at its end.
+    /// One tick towards the motion commanded for its end.
     fn tick(&mut self, motion: &Motion, mechanism: &Mechanism, memory: &mut Memory) {
         match self {
             Self::Leg(leg) => leg.tick(motion, mechanism, memory),
@@ -313,8 +313,8 @@ impl RunUp {
 }
 
 /// `G_MSim` measured: the running, nonlinear leg follows a sine of `amplitude_m` at `hz` against a
-/// spring of `payload_n_m`, friction and dead time included. From the displacement asked for to the
-/// one of the leg.
+/// spring of `payload_n_m`, friction and dead time included. From the commanded displacement to
+/// that of the leg.
 ///
 /// # Errors
 /// The leg cannot be built.

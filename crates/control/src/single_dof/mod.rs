@@ -8,12 +8,12 @@
 //! ```
 //!
 //! Two bodies meet along one axis, `m_r = m1 m2/(m1 + m2)`. [`transfer`] has (4)–(9) as transfer
-//! functions; [`Docking::simulated`] integrates what nature would do, and [`Docking::hil`] runs the
+//! functions; [`Docking::simulated`] integrates the simulated system, and [`Docking::hil`] runs the
 //! sampled loop with an interface: ideal, or one hydraulic leg with its controller and a force sensor.
 //!
-//! The body programme is a leapfrog of 1 kHz: in tick k the force felt at `t_k` kicks over the whole
-//! tick, then the displacement drifts to `t_{k+1}`, so velocities lie half a tick behind. With an ideal
-//! rig it neither gains nor loses energy. What is written in tick k is for `t_{k+1}`.
+//! The body programme is a leapfrog of 1 kHz: in tick k the force measured at `t_k` kicks over the
+//! whole tick, then the displacement drifts to `t_{k+1}`, so velocities lie half a tick behind.
+//! With an ideal rig it neither gains nor loses energy. What is written in tick k is for `t_{k+1}`.
 
 mod hil;
 mod mechanism;
@@ -60,8 +60,9 @@ impl ForceSensor {
 pub enum Compensation {
     /// Feed-forward of the commanded motion, as it is known, and nothing else.
     None,
-    /// The motion is asked for ahead by dead time and sensor delay, with displacement, speed,
-    /// acceleration and jerk of the body programme, and the contact force felt is expected by the leg.
+    /// The motion is commanded ahead by dead time and sensor delay, with displacement, speed,
+    /// acceleration and jerk of the body programme, and the measured contact force is fed forward
+    /// to the leg.
     Ahead,
 }
 
@@ -107,7 +108,7 @@ impl SingleDofSetup {
         Self { compensation, ..self.clone() }
     }
 
-    /// How far ahead a motion is asked for, s.
+    /// How far ahead a motion is commanded, s.
     #[must_use]
     pub fn lead_s(&self) -> f64 {
         match self.compensation {
@@ -173,7 +174,7 @@ impl Docking {
     }
 
     /// The simulated system: bodies and mechanism alone, by fourth-order Runge–Kutta with 10 µs from
-    /// the exact moment of first touch on, told at every tick. This is the reference.
+    /// the exact instant of first touch on, sampled at every tick. This is the reference.
     #[must_use]
     pub fn simulated(&self, ticks: u32) -> Vec<Sample> {
         let (v0, mass) = (self.closing_speed_m_s, self.reduced_mass_kg());
@@ -225,8 +226,8 @@ impl Docking {
         out
     }
 
-    /// The HIL simulation with an interface, told at every tick; it ends early when the rig leaves
-    /// a metre or is no longer finite.
+    /// The HIL simulation with an interface, sampled at every tick; it ends early when the rig is
+    /// more than 1 m away or its state is not finite.
     ///
     /// # Errors
     /// The interface cannot be built.

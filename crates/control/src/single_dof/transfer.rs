@@ -81,7 +81,7 @@ impl LinearSimulator {
         &self.rig
     }
 
-    /// `G_MSim` of (9): from the displacement that is asked for to the one of the leg. `None` on a pole.
+    /// `G_MSim` of (9): from the commanded displacement to that of the leg. `None` on a pole.
     #[must_use]
     pub fn response(&self, hz: f64) -> Option<C> {
         let setup = &self.setup;
@@ -117,7 +117,7 @@ impl LinearSimulator {
         let moved = y[(0, 0)] * late;
         Some(match setup.compensation {
             Compensation::None => moved,
-            // What was felt is carried over the delay of the sensor and the lead.
+            // The measured force is extrapolated over the delay of the sensor and the lead.
             Compensation::Ahead => {
                 let felt = setup.sensor.response(s) * self.payload_n_m;
                 let known = felt * (C::ONE + s * (setup.sensor.delay_s() + lead)) * late;

@@ -1,9 +1,28 @@
 //! What the analyses of a rig have in common.
 
-use docktwin_model::{DockingWorkspace, Place, Problem, Rig, load_rig};
-use docktwin_study::rig::{Build, Dof, LegControl, LegSetting, SubjectSummary};
+use std::path::PathBuf;
 
-use crate::{cli::RigArgs, failure::Failure};
+use clap::Args;
+use docktwin_model::{Problem, Rig, load_rig};
+use docktwin_study::rig::{Build, LegControl, LegSetting};
+
+use crate::{args::PresetArg, failure::Failure};
+
+/// What every analysis of a rig can be told.
+#[derive(Debug, Args)]
+pub(crate) struct RigArgs {
+    /// TOML or URDF of the rig, the other beside it
+    pub(super) rig: PathBuf,
+    /// Oil volume [default: as the file says; `stiffness`: all]
+    #[arg(long, value_enum)]
+    pub(super) preset: Option<PresetArg>,
+    /// Draw the rig as built within the spread of its file; controllers still believe the file
+    #[arg(long, value_name = "N")]
+    pub(super) seed: Option<u64>,
+    /// Directory of the results; by default a new one under `analysis`.
+    #[arg(long, value_name = "DIR", help = "Directory [default: analysis/<rig>-<command>-<utc>]")]
+    pub(super) out: Option<PathBuf>,
+}
 
 /// Which rig the arguments ask for.
 pub(super) fn build(args: &RigArgs) -> Build {
@@ -73,39 +92,6 @@ fn leg_control(set: &[String]) -> Result<LegControl, Vec<Problem>> {
         }
     }
     if problems.is_empty() { Ok(out) } else { Err(problems) }
-}
-
-/// Name, preset and draw in words.
-pub(super) fn title(subject: &SubjectSummary) -> String {
-    let drawn = subject.seed.map_or(String::new(), |s| format!(", drawn with seed {s}"));
-    format!("{}, {}{drawn}", subject.rig, subject.preset.word())
-}
-
-/// Header of [`place_csv`].
-pub(super) const PLACE_COLUMNS: &str = "x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg";
-
-/// Columns of a place for a table: m and degrees from the middle.
-pub(super) fn place_csv(d: &DockingWorkspace, place: Place) -> String {
-    let [x, y, z, roll, pitch, yaw] = place.0;
-    format!(
-        "{},{},{},{},{},{}",
-        x * d.axial_m,
-        y * d.lateral_m,
-        z * d.lateral_m,
-        roll * d.roll_rad.to_degrees(),
-        pitch * d.pitch_yaw_rad.to_degrees(),
-        yaw * d.pitch_yaw_rad.to_degrees()
-    )
-}
-
-/// Half-width of the docking workspace in a degree of freedom, m or rad.
-pub(super) fn half_width(d: &DockingWorkspace, dof: Dof) -> f64 {
-    match dof {
-        Dof::X => d.axial_m,
-        Dof::Y | Dof::Z => d.lateral_m,
-        Dof::Roll => d.roll_rad,
-        Dof::Pitch | Dof::Yaw => d.pitch_yaw_rad,
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `rig emulate`: the emulated rig on the other end of `ipc:NAME`.
 
-use std::{process::ExitCode, sync::atomic::Ordering};
+use std::process::ExitCode;
 
 use docktwin_hil::realtime::{catch_termination, relax};
 use docktwin_rigport::ipc::{RigEvent, RigServer, ServeOptions};
@@ -41,7 +41,7 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
     let served = server.serve(
         &mut plant,
         ServeOptions::default(),
-        || stop.load(Ordering::Relaxed),
+        || stop.signal().is_some(),
         |event| match event {
             RigEvent::Session(n) => eprintln!("a loop begins session {n}"),
             RigEvent::Refused { refusal, tick } => {

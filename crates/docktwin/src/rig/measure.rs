@@ -12,7 +12,9 @@ use docktwin_run::{
 };
 
 use super::{CalibrateArgs, IdentifyArgs, MeasureArgs};
-use crate::{commands::timestamp, failure::Failure, observers::AtTerminal};
+use crate::{
+    args::PresetArg, failure::Failure, inputs::loader, observers::AtTerminal, results::timestamp,
+};
 
 impl MeasureArgs {
     fn stand(&self) -> Result<Stand, Failure> {
@@ -150,10 +152,10 @@ impl super::BuiltArgs {
         Ok(commission::StandOptions {
             model: PathBuf::from(model),
             scenario: self.scenario.clone(),
-            loader: crate::commands::loader(&self.set)?,
+            loader: loader(&self.set)?,
             seed: self.seed,
             perturb: self.perturb,
-            preset: self.preset.map(crate::cli::PresetArg::preset),
+            preset: self.preset.map(PresetArg::preset),
         })
     }
 }

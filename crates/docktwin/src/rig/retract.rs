@@ -3,14 +3,13 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use docktwin_run::commission::{DriveOptions, retract};
+use docktwin_run::{
+    commission::{DriveOptions, retract},
+    rig_place::RigPlace,
+};
 use serde_json::json;
 
-use crate::{
-    failure::Failure,
-    observers::AtTerminal,
-    rigs::{LedArgs, RigPlace},
-};
+use crate::{args::LedArgs, failure::Failure, observers::AtTerminal};
 
 /// Options of `rig retract`.
 #[derive(Debug, Args)]

@@ -1,44 +1,33 @@
 //! `validate vibro-impact`: Table 4 of the paper, through the body programme in six degrees of freedom
 //! and the whole loop.
 
-use core::fmt::Write as _;
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
-use docktwin_hil::{
-    clock::{OverrunPolicy, RealtimeClock, VirtualClock},
-    realtime::relax,
-    scheduler::believed_delays_s,
+use docktwin_control::sensing::SensorScheme;
+use docktwin_hil::scheduler::believed_delays_s;
+use docktwin_model::Rig;
+use docktwin_report::study::vibro_impact as report;
+use docktwin_run::{
+    commission::DriveOptions,
+    rig_place::{RigPlace, compensation, confirm},
 };
-use docktwin_model::{
-    DockingMechanism, Rig as RigModel, Spacecraft, load_mechanism, load_rig, load_spacecraft,
-};
-use docktwin_plot::{Axis as PlotAxis, Colour, Dash, Line, Plot, PlotError};
-use docktwin_rigport::{in_process::InProcess, rig::Rig};
-use docktwin_scenario::{CompensatorChoice, resolve_path};
+use docktwin_scenario::CompensatorChoice;
 use docktwin_study::{
     Progress,
     table4::VibroTest,
     vibro_impact::{
-        AxisSet, CASES, ContactFigures, LoopTiming, RigDraw, SimulatedState, TestRun, VibroFigures,
-        VibroImpact, VibroImpactError, VibroModels, VibroOptions, VibroRecord, VibroSummary,
-        VibroTick, emulated_rig, run_test, vibro_impact,
+        AxisSet, CASES, PlacedTestError, StickModels, VibroImpactError, VibroOptions, VibroSummary,
+        on_rig, vibro_impact,
     },
 };
 use serde_json::{Value, json};
 
 use crate::{
-    analyze::{Results, plots::sheet},
-    cli::{ClockArg, PresetArg, compensator, not_negative},
+    args::{LedArgs, PresetArg, compensator, not_negative},
     failure::{Failure, OTHERWISE},
     observers::AtTerminal,
-    rigs::{
-        LedArgs, PERIOD_NS, RigPlace, best_effort, compensation, connect, new_session, patience,
-    },
+    results::Results,
 };
 
 pub(super) const EXAMPLES: &str = "\
@@ -80,7 +69,7 @@ pub(crate) struct VibroArgs {
     #[arg(long, value_name = "all|N", value_parser = case)]
     case: Option<Case>,
     /// Against the delay of the rig
-    #[arg(long, value_parser = compensator, value_name = "none|lead", default_value = "lead")]
+    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES, default_value = "lead")]
     compensator: CompensatorChoice,
     /// Lead, ms [default: the delay that the rig's file lets one believe]
     #[arg(long, value_name = "MS", value_parser = not_negative)]
@@ -130,35 +119,36 @@ fn case(text: &str) -> Result<Case, String> {
     }
 }
 
-/// Where the tests run, and how.
-struct Bench<'a> {
-    args: &'a VibroArgs,
-    rig: RigModel,
-    stick: DockingMechanism,
-    spacecraft: Spacecraft,
-    options: VibroOptions,
-}
-
 /// Runs the command.
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
-    let bench = Bench::new(args)?;
+    let models = StickModels::load(&args.model)?;
+    let options = options(args, &models.rig)?;
+    if args.draws > 0 && args.rig != RigPlace::Emulated {
+        return Err(Failure::Usage {
+            what: "a rig in another process is what it is; it cannot be drawn".to_owned(),
+            remedy: "leave --draws away, or take --rig emulated".to_owned(),
+        });
+    }
     let mut operator = AtTerminal { yes: args.led.yes, quiet: json };
-    docktwin_run::rig_place::confirm(&mut operator, &args.rig)?;
+    confirm(&mut operator, &args.rig)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
-    let models =
-        VibroModels { rig: &bench.rig, stick: &bench.stick, spacecraft: &bench.spacecraft };
-    let run = |test: &VibroTest, draw| bench.run(test, draw);
-    let found =
-        vibro_impact(&models, &bench.options, &mut Dots { json }, run).map_err(|e| match e {
-            VibroImpactError::Run(failure) => failure,
-            other => refused(other),
-        })?;
-    results.save("vibro-impact.csv".to_owned(), &csv(&found.summary.tests))?;
-    let compensation = in_words(&bench.options.compensation);
-    let tests = found.summary.tests.iter().zip(&found.records);
-    results.plots(tests.map(|(t, record)| plot(t, record, &compensation)).collect())?;
+    let drive = DriveOptions {
+        place: args.rig.clone(),
+        clock: args.led.clock.kind(),
+        realtime: args.led.realtime.options(),
+    };
+    let run = |test: &VibroTest, draw| on_rig(&models.rig, &options, &drive, test, draw);
+    let found = vibro_impact(&models.models(), &options, &mut Dots { json }, run);
+    let found = found.map_err(|e| match e {
+        VibroImpactError::Run(PlacedTestError::Place(e)) => e.into(),
+        VibroImpactError::Run(e) => refused(e),
+        other => refused(other),
+    })?;
+    results.tables(report::tables(&found))?;
+    results.plots(report::plots(&found))?;
     let answer = answer(args, &found.summary);
-    results.finish("vibro-impact", &answer, &words(args, &compensation, &found), json)?;
+    let words = report::words(&found, &drive.place, drive.clock);
+    results.finish("vibro-impact", &answer, &words, json)?;
     Ok(ExitCode::from(if found.summary.complete() { 0 } else { OTHERWISE }))
 }
 
@@ -188,62 +178,8 @@ fn refused(what: impl core::fmt::Display) -> Failure {
     }
 }
 
-impl<'a> Bench<'a> {
-    fn new(args: &'a VibroArgs) -> Result<Self, Failure> {
-        let rig = load_rig(&args.model.with_extension("urdf"))?.model;
-        // A rig of one's own need not stand among the models of docktwin.
-        let model = |name: &str| {
-            resolve_path(&args.model, Path::new(name))
-                .or_else(|| resolve_path(&args.model, &Path::new("models/urdf").join(name)))
-                .unwrap_or_else(|| args.model.with_file_name(name))
-        };
-        let stick =
-            load_mechanism(&model("stick_active.urdf"), &model("stick_passive.urdf"), None)?;
-        let spacecraft = load_spacecraft(&model("test_2026kg.urdf"))?;
-        let options = options(args, &rig)?;
-        if args.draws > 0 && args.rig != RigPlace::Emulated {
-            return Err(Failure::Usage {
-                what: "a rig in another process is what it is; it cannot be drawn".to_owned(),
-                remedy: "leave --draws away, or take --rig emulated".to_owned(),
-            });
-        }
-        Ok(Self { args, rig, stick: stick.model, spacecraft: spacecraft.model, options })
-    }
-
-    fn run(&self, test: &VibroTest, draw: RigDraw) -> Result<TestRun, Failure> {
-        match &self.args.rig {
-            RigPlace::Emulated => {
-                let rig = emulated_rig(&self.rig, &self.options, test, draw).map_err(refused)?;
-                self.with_rig(test, InProcess::new(rig), 1)
-            }
-            RigPlace::Port(name) => self.with_rig(test, connect(name)?, new_session()),
-        }
-    }
-
-    fn with_rig<R: Rig>(&self, test: &VibroTest, rig: R, session: u64) -> Result<TestRun, Failure> {
-        match self.args.led.clock {
-            ClockArg::Virtual => {
-                let settings =
-                    self.options.settings(&self.rig, session, patience::<VirtualClock>());
-                run_test(test, &self.rig, &settings, rig, VirtualClock::new(PERIOD_NS))
-                    .map_err(refused)
-            }
-            ClockArg::Realtime => {
-                let lacking = best_effort(&self.args.led.realtime.options().apply()?);
-                let settings =
-                    self.options.settings(&self.rig, session, patience::<RealtimeClock>());
-                let clock = RealtimeClock::new(PERIOD_NS, OverrunPolicy::Skip);
-                let out = run_test(test, &self.rig, &settings, rig, clock);
-                relax();
-                let TestRun { run, timing } = out.map_err(refused)?;
-                Ok(TestRun { run, timing: LoopTiming { best_effort: lacking, ..timing } })
-            }
-        }
-    }
-}
-
 /// What the arguments ask for.
-fn options(args: &VibroArgs, rig: &RigModel) -> Result<VibroOptions, Failure> {
+fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
     let lead_s = args.lead_ms.map_or_else(|| believed_delays_s(rig).iter().sum(), |ms| ms * 1e-3);
     let mut options = VibroOptions::new(compensation(args.compensator, lead_s)?);
     if !args.axis.is_empty() {
@@ -264,54 +200,6 @@ fn options(args: &VibroArgs, rig: &RigModel) -> Result<VibroOptions, Failure> {
     Ok(options)
 }
 
-const COLUMNS: [&str; 13] = [
-    "axis",
-    "case",
-    "frequency_hz",
-    "rig",
-    "contact",
-    "r_e",
-    "r_t",
-    "r_t_sensed",
-    "peak_ratio",
-    "nrms_force",
-    "nrms_position",
-    "delta_energy",
-    "v0_m_s",
-];
-
-fn csv(tests: &[VibroFigures]) -> String {
-    let mut out = COLUMNS.join(",");
-    out.push('\n');
-    let mut line = |t: &VibroFigures, rig: &str, n: usize, c: &ContactFigures| {
-        // Writing to a String cannot fail.
-        let _ = writeln!(
-            out,
-            "{},{},{},{rig},{n},{},{},{},{},{},{},{},{}",
-            t.axis,
-            t.case,
-            t.frequency_hz,
-            c.r_e,
-            c.r_t,
-            c.r_t_sensed,
-            c.peak_force_ratio,
-            c.nrms_force,
-            c.nrms_position,
-            c.delta_energy,
-            c.v0_m_s
-        );
-    };
-    for t in tests {
-        t.contacts.iter().enumerate().for_each(|(i, c)| line(t, "file", i + 1, c));
-        for (i, c) in t.draws.iter().enumerate() {
-            if let Some(c) = c {
-                line(t, &format!("draw_{}", i + 1), 1, c);
-            }
-        }
-    }
-    out
-}
-
 /// What `--json` prints: where the rig was, and the summary.
 fn answer(args: &VibroArgs, s: &VibroSummary) -> Value {
     json!({
@@ -320,131 +208,4 @@ fn answer(args: &VibroArgs, s: &VibroSummary) -> Value {
         "compensator": s.compensator, "lead_s": s.lead_s,
         "sensors": s.sensors, "tests": s.tests,
     })
-}
-
-/// Off one, in percent with its sign.
-fn off(x: f64) -> String {
-    format!("{:+.2}", (x - 1.0) * 100.0)
-}
-
-fn in_words(c: &Compensation) -> String {
-    match c {
-        Compensation::None => "without compensation".to_owned(),
-        Compensation::Lead(s) => format!("with a lead of {:.2} ms", s * 1e3),
-    }
-}
-
-fn words(args: &VibroArgs, compensation: &str, found: &VibroImpact) -> String {
-    let place = match args.rig {
-        RigPlace::Emulated => "emulated rig",
-        RigPlace::Port(_) => "rig behind a port",
-    };
-    let preset = found.summary.preset.word();
-    let mut out = format!("Table 4 on the {place} ({preset}), {compensation}; % off one\n");
-    out.push_str(
-        "axis        case   Hz     R_e-1   R_T-1  sensed   peak-1  NRMS F  NRMS x   dE/E0   paper R_e-1 R_T-1\n",
-    );
-    for (t, record) in found.summary.tests.iter().zip(&found.records) {
-        contacts_words(t, &mut out);
-        if let Some(stop) = &record.stop {
-            let _ = writeln!(
-                out,
-                "{:11} {:4} stopped by the supervisor: {} {:.3}, allowed {:.3}",
-                t.axis, t.case, stop.limit, stop.value, stop.allowed
-            );
-        } else if t.contacts.is_empty() {
-            let _ = writeln!(out, "{:11} {:4} no whole contact", t.axis, t.case);
-        }
-        if args.led.clock == ClockArg::Realtime {
-            let k = &t.loop_;
-            let _ = writeln!(
-                out,
-                "{:11} {:4} of {} ticks {} left out, {} without a measurement; woken at most {:.3} ms late{}{}",
-                "",
-                "",
-                k.ticks + k.missed_ticks,
-                k.missed_ticks,
-                k.ticks_without_measurement,
-                k.lateness_max_ms,
-                if k.best_effort.is_some() { "; " } else { "" },
-                k.best_effort.as_deref().unwrap_or_default(),
-            );
-        }
-        if let Some(s) = t.draw_statistics() {
-            let [em, ew, tm, tw] =
-                [s.r_e_mean, s.r_e_worst, s.r_t_mean, s.r_t_worst].map(|x| x * 100.0);
-            let _ = writeln!(
-                out,
-                "{:11} {:4} {} of {} drawn rigs: |R_e-1| mean {em:.2} worst {ew:.2}, |R_T-1| mean {tm:.2} worst {tw:.2}",
-                "", "", s.judged, s.rigs
-            );
-        }
-    }
-    out
-}
-
-/// A line for every contact, the paper's figures beside the first.
-fn contacts_words(t: &VibroFigures, out: &mut String) {
-    let paper = t.paper.map_or_else(
-        || "     –     –".to_owned(),
-        |p| format!("{:>6} {:>6}", off(p.r_e), off(p.r_t)),
-    );
-    for (i, c) in t.contacts.iter().enumerate() {
-        // Writing to a String cannot fail.
-        let _ = writeln!(
-            out,
-            "{:11} {:4} {:6.3} {:>7} {:>7} {:>7}  {:>7} {:7.2} {:7.2} {:+8.2}   {}",
-            if i == 0 { t.axis.as_str() } else { "" },
-            t.case,
-            t.frequency_hz,
-            off(c.r_e),
-            off(c.r_t),
-            off(c.r_t_sensed),
-            off(c.peak_force_ratio),
-            c.nrms_force * 100.0,
-            c.nrms_position * 100.0,
-            c.delta_energy * 100.0,
-            if i == 0 { paper.as_str() } else { "" },
-        );
-    }
-}
-
-/// Axes of both panels begin in line.
-const LEFT: f64 = 68.0;
-
-/// Force and speed against time, the simulated system laid over.
-fn plot(
-    t: &VibroFigures,
-    record: &VibroRecord,
-    compensation: &str,
-) -> Result<(String, String), PlotError> {
-    let curve = |f: &dyn Fn(&VibroTick, SimulatedState) -> f64| -> Vec<[f64; 2]> {
-        let point = |s: &VibroTick| [s.time_s, f(s, record.simulated.at(s.time_s))];
-        record.ticks.iter().map(point).collect()
-    };
-    let force = [
-        curve(&|_, simulated| simulated.force_n),
-        curve(&|s, _| s.true_force_n.unwrap_or(s.sensed_force_n)),
-        curve(&|s, _| s.sensed_force_n),
-    ];
-    let speed =
-        [curve(&|_, simulated| simulated.speed_m_s * 1e3), curve(&|s, _| s.speed_m_s * 1e3)];
-    let title =
-        format!("{} · {} Hz, m = {} kg · {compensation}", t.axis, t.frequency_hz, t.mass_kg);
-    let panel = |title: &str, y: PlotAxis| {
-        Plot::new(title)
-            .x_axis(PlotAxis::new("time since closing", "s"))
-            .y_axis(y)
-            .size(760.0, 240.0)
-            .margin_left(LEFT)
-    };
-    let force_panel = panel(&title, PlotAxis::new("force on the target", "N"))
-        .line(Line::new("simulated system", &force[0]).colour(Colour::Grey).width(3.0))
-        .line(Line::new("true", &force[1]).colour(Colour::Vermilion).width(1.6))
-        .line(Line::new("sensed", &force[2]).colour(Colour::Blue).dash(Dash::Dashed).width(1.2));
-    let speed_panel = panel("", PlotAxis::new("relative speed", "mm/s"))
-        .line(Line::new("", &speed[0]).colour(Colour::Grey).width(3.0))
-        .line(Line::new("", &speed[1]).colour(Colour::Vermilion).width(1.6));
-    let svg = sheet(&[&[force_panel], &[speed_panel]])?;
-    Ok((format!("{}_case{}.svg", t.axis.replace('+', "_"), t.case), svg))
 }

@@ -20,8 +20,8 @@ impl Instrument {
 
 /// What goes wrong. [`FaultKind::size_unit`] says what the size of a fault means for it.
 ///
-/// Legs count from 0. What happens to legs and valves goes by the leg values of the commands: a rig led by
-/// its plate's pose alone does not show it.
+/// Legs count from 0. What happens to legs and valves goes by the leg values of the commands: a rig
+/// driven by the pose of its plate alone does not show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     // Legs.
@@ -71,7 +71,7 @@ pub enum FaultKind {
     Gain(Instrument),
     /// One reading (0 to 2 along, 3 to 5 about the axes) jumps by the size.
     Offset(Instrument, usize),
-    /// Alive and blind: what was read when the fault began, and noise of the size.
+    /// Constant reading of the start of the fault plus noise of the size: not detectable as frozen.
     Silent(Instrument),
     /// Noise of the size is added.
     Noisy(Instrument),

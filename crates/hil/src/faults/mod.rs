@@ -1,9 +1,8 @@
-//! Faults as data, and wrappers that bring them about around any rig or plant.
+//! Fault injection: faults as data, and wrappers that inject them into any rig or plant.
 //!
-//! A fault is what goes wrong, when, for how long and how much. [`FaultyRig`] stands between the loop and a
-//! rig and brings about all kinds; [`FaultyPlant`] stands behind the rig's end of a port and brings about
-//! those that are the rig's own. What passes through is as it was as long as no fault is active, to the
-//! last bit.
+//! A fault has a kind, a begin, a duration and a size. [`FaultyRig`] is between the loop and a rig
+//! and injects all kinds; [`FaultyPlant`] is on the rig side of the rig port and injects only
+//! faults of the rig itself. Without an active fault all data pass unchanged, bit by bit.
 //!
 //! ```
 //! use docktwin_hil::faults::{Fault, FaultKind, Instrument, When};

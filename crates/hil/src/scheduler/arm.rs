@@ -66,10 +66,10 @@ fn failed(checks: &[Check]) -> String {
     lines.join("; ")
 }
 
-/// Ticks looked at before arming, idle and holding.
+/// Ticks checked before arming, idle and holding.
 const IDLE_TICKS: usize = 20;
-/// Most that accelerometers at rest may be off what they should measure, m/s²: far above their zero, far
-/// below a wrong axis.
+/// Largest error of accelerometers at rest, m/s²: far above their zero offset, far below the effect
+/// of a wrong axis.
 const WEIGHTLESS_M_S2: f64 = 0.5;
 /// Ticks without an answer before a rig counts as gone.
 const IDLE_PATIENCE: u64 = 200;
@@ -92,8 +92,8 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         Self { setup, platform, compensator, rig, clock, times, tick: 0, state: Idle(()) }
     }
 
-    /// Goes through the checklist with the rig idle. `known` are points that were looked at
-    /// elsewhere: files, dates, the operator's word.
+    /// Goes through the checklist with the rig idle. `known` are lines that were checked
+    /// elsewhere: files, dates, confirmation by the operator.
     ///
     /// # Errors
     /// The rig does not answer, or a point is not fulfilled. Every point is reported, the good ones too.
@@ -110,7 +110,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
                 Ok(Some(_)) => {}
                 Ok(None) if self.tick == 0 => {}
                 Ok(None) => silent += 1,
-                // What was on the way from an earlier loop is refused, and that is right.
+                // A message of an earlier loop is refused, as it should be.
                 Err(RigError::Refused(_)) if self.tick < IDLE_PATIENCE => {}
                 Err(e) => return Err(e.into()),
             }
@@ -236,7 +236,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
             };
             return Check::new("position", false, found);
         };
-        // A rig without length sensors has the legs of its file as far as anybody knows.
+        // Without length sensors the lengths follow from the pose and the geometry of the file.
         let lengths = if last.has(Capabilities::LEG_LENGTH) {
             last.leg_length_m
         } else {

@@ -1,6 +1,6 @@
-//! The loop as types: `Idle → Armed → Running → Stopped`. What is not in the type cannot be done: only
-//! an armed loop starts, only a running one ticks, only an idle one is armed, and a stopped one becomes
-//! idle by [`Loop::reset`] alone.
+//! The loop as types: `Idle → Armed → Running → Stopped`. A step that a state does not allow does
+//! not compile: only an armed loop starts, only a running one ticks, only an idle one is armed, and
+//! a stopped one becomes idle by [`Loop::reset`] alone.
 //!
 //! | file | what |
 //! | --- | --- |
@@ -13,9 +13,10 @@
 //! compensate, platform pose command, leg commands, safety verdict, write rig, record. What runs in a
 //! tick does not allocate, lock, log or format (checked by `tests/no_allocation.rs`).
 //!
-//! The way of a run, all in ticks: *move* to the beginning of the run-up, *settle* and tare there,
-//! *run up*, *closed* (the bodies answer the measured wrenches), *stop*. A dry run goes slowly, without
-//! the run-up and without closing, to the initial condition and back to where it was armed.
+//! The phases of a run, all in ticks: *move* to the beginning of the run-up, *settle* and tare
+//! there, *run up*, *closed* (the bodies answer the measured wrenches), *stop*. A dry run goes
+//! slowly, without the run-up and without closing, to the initial condition and back to where it
+//! was armed.
 
 use docktwin_control::{
     compensation::{Demand, LoopContext, Measured, Method},
@@ -63,7 +64,7 @@ pub struct Idle(());
 /// Checked; the first command of motion may be sent.
 #[derive(Debug)]
 pub struct Armed {
-    /// Made here, so that nothing asks for memory from now on.
+    /// Created here, so that nothing is allocated from now on.
     running: Running,
     checks: Vec<Check>,
 }
@@ -81,7 +82,7 @@ pub struct Running {
     motion: RelativeMotion,
     conditioning: Conditioning,
     supervisor: Supervisor,
-    /// What the rig follows.
+    /// Form of the commands: legs, or pose of the plate.
     form: Form,
     guard: Guard,
     last: RigMeasurement,
@@ -99,7 +100,7 @@ pub struct Running {
     in_flight: [PlateMotion; IN_FLIGHT],
     /// Demands on their way, for [`LoopSetup::added_ticks`].
     held_back: HeldBack,
-    /// First and last tick of the end.
+    /// Earliest and latest tick at which the stop phase may end.
     stop_at: Option<[u64; 2]>,
     /// The rig does not answer.
     gone: bool,
@@ -215,7 +216,7 @@ impl Default for LoopTimes {
     }
 }
 
-/// The loop in one of its states, with a method against the delay of the rig.
+/// The loop in one of its states, with a compensator of the delay of the rig.
 ///
 /// Only a running loop commands:
 ///

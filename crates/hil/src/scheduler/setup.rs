@@ -31,16 +31,16 @@ const LOAD_MARGIN: f64 = 1.2;
 pub struct LoopSetup {
     /// The rig as its file says.
     pub rig: RigModel,
-    /// What every leg is commanded, by what is believed of them.
+    /// Feed-forward of the legs, with their assumed parameters.
     pub feedforward: Feedforward,
-    /// What is believed of the rig besides.
+    /// Other assumed parameters of the rig.
     pub parameters: RigParameters,
     /// The spacecraft at the initial condition.
     pub bodies: Programme,
-    /// Against the delay of the rig.
+    /// Compensator of the delay of the rig.
     pub compensation: Compensation,
-    /// Ticks by which every command is held back, at most [`MOST_ADDED`]: makes a rig as slow as another
-    /// one, to see what that does.
+    /// Ticks by which every command is held back, at most [`MOST_ADDED`]: emulates a rig with a
+    /// longer delay.
     pub added_ticks: usize,
     /// Where F4, M4 come from.
     pub scheme: SensorScheme,
@@ -55,7 +55,7 @@ pub struct LoopSetup {
     pub ticks: u64,
     /// Number of this run at the port, not 0.
     pub session: u64,
-    /// How long to wait for a measurement: in lockstep the rig's time, else next to nothing.
+    /// Timeout of a measurement: in lockstep long enough for the rig, otherwise almost zero.
     pub patience: Duration,
     /// Slowly to the initial condition and back, without closing the loop.
     pub dry_run: bool,
@@ -82,9 +82,9 @@ pub struct RigParameters {
     pub corrections: LegCorrections,
     /// What sensor B carries.
     pub payload: Payload,
-    /// From the instant a command is for to the instant at which sensor B reads what the plate does
-    /// then, s: delay of the plate and lag of the sensor. Weight and inertia of what the sensor carries
-    /// are taken off with it where the plate has no accelerometers.
+    /// From the time of a command to the time at which sensor B measures the resulting motion of
+    /// the plate, s: delay of the plate and lag of the sensor. Used to subtract weight and inertia
+    /// of the load on the sensor if the plate has no accelerometers.
     pub interface_delay_s: f64,
     /// The lead that undoes the delay of plate and sensor A, s.
     pub lead_s: f64,
@@ -128,8 +128,8 @@ impl RigParameters {
     }
 }
 
-/// Delay of the rig that its file lets one believe, s: from the instant a command is for to the plate,
-/// and from the force to its reading.
+/// Delays of the rig according to its file, s: from the time of a command to the motion of the
+/// plate, and from the force to its reading.
 #[must_use]
 pub fn believed_delays_s(rig: &RigModel) -> [f64; 2] {
     let sensor = rig.sensors.map_or(0.0, |s| {
@@ -188,7 +188,7 @@ impl LoopSetup {
         })
     }
 
-    /// What stands in the way of a run.
+    /// Why this cannot be run.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut out = Vec::new();

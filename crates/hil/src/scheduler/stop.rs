@@ -22,7 +22,7 @@ pub struct Stopped {
 
 /// Time given to come to rest after the end of a run, s: at least, and at most.
 const REST_S: [f64; 2] = [0.3, 3.0];
-/// For how long the legs must rest, s; oil swings back.
+/// For how long the legs must be at rest, s: the oil spring makes them oscillate.
 const REST_FOR_S: f64 = 0.05;
 
 impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
@@ -65,7 +65,7 @@ impl<R: Rig, K: Clock, C> Loop<R, K, Stopped, C> {
         &self.state
     }
 
-    /// How it ended, alone; the rig is released.
+    /// How it ended; drops the loop and the rig.
     pub fn into_end(self) -> Stopped {
         self.state
     }

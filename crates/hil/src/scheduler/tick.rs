@@ -95,10 +95,11 @@ pub(super) fn readings(m: &RigMeasurement) -> Readings {
     Readings { a, b, ring: m.ring().map_or(DVec3::ZERO, |[d, _]| d) }
 }
 
-/// A command of motion, and what of it the supervisor looks at.
+/// A motion command, and its values that the supervisor checks.
 struct Commanded {
     message: RigCommand,
-    /// Lengths and speeds of the legs as the rig's file has them, whether or not the rig is led by them.
+    /// Lengths and speeds of the legs as the rig's file has them, whether or not the rig is driven
+    /// by them.
     legs: Option<[[f64; 6]; 2]>,
 }
 
@@ -211,8 +212,9 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
         Ok(fresh)
     }
 
-    /// Keeps a measurement and finds the plate in it. False when its lengths belong to no pose, or when a
-    /// sensor that is needed is gone: then it is judged, and the bodies do without it.
+    /// Stores a measurement and computes the pose of the plate from it. False when its lengths
+    /// belong to no pose, or when a required sensor is missing: then the supervisor still checks
+    /// it, but the bodies do not use it.
     fn take(&mut self, m: &RigMeasurement, due_ns: u64) -> bool {
         use Capabilities as C;
         let two = self.setup.scheme == SensorScheme::Two;
@@ -244,12 +246,12 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
         found.is_some() && !self.sensors_gone()
     }
 
-    /// What sensor B does at the instant that its reading is of: as the accelerometers measure it, and as
-    /// commanded where there are none.
+    /// Motion of sensor B at the instant of its reading: as measured by the accelerometers, or as
+    /// commanded if there are none.
     fn carried(&self) -> Carried {
         let commanded = self.carried_as_commanded();
         let Some(read) = &self.state.accelerations else { return commanded };
-        // A reading later than that of B is carried on.
+        // A reading that lags behind that of B is extrapolated.
         let back = (self.setup.parameters.accelerometers_ahead_s / self.period_s())
             .clamp(-1.0, (ACCELERATIONS - 1) as f64);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2")]
@@ -425,7 +427,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
 
     fn judge(&mut self, commanded: &Commanded) -> Option<Trip> {
         let s = &self.state;
-        // Before the first measurement there is nothing to be judged but that it stays away.
+        // Before the first measurement only its absence can be checked.
         let watched = if s.without > 0 && s.last.session == 0 {
             Watched { stroke_margin_m: f64::MAX, ticks_without: s.without, ..Watched::default() }
         } else {
@@ -454,7 +456,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
         });
         let nothing = Watched { stroke_margin_m: f64::INFINITY, ..Watched::default() };
         let ahead = ahead.unwrap_or(nothing);
-        // A rig without length sensors has the legs of its file as far as anybody knows.
+        // Without length sensors the lengths follow from the pose and the geometry of the file.
         let lengths = seen.leg_length_m.unwrap_or_else(|| self.platform.at(&seen.x_bp).length_m);
         let stroke_margin_m = least(&self.platform.stroke_margins_m(&lengths));
         let larger = |a: DVec3, b: DVec3| {
@@ -503,7 +505,7 @@ impl Running {
     }
 }
 
-/// The plate that shows a relative motion, against the contact expected there.
+/// Motion of the plate that reproduces a relative motion, with the contact expected there.
 fn plate_motion(platform: &Platform, target: &Target) -> PlateMotion {
     let m = &target.motion;
     let rates = [m.twist, m.acceleration, m.jerk];

@@ -229,7 +229,7 @@ pub(super) const RIG: &[Group] = &[
                 "dead_length_m",
                 Shape::Number(Range::within(0.0, 10.0)),
                 "0.6",
-                "What a retracted leg is longer than its stroke, at least: piston, glands, joints.",
+                "Least length of a retracted leg beyond its stroke: piston, glands, joints.",
                 "A stroke that does not fit into the retracted leg is refused.",
             ),
             key(
@@ -245,7 +245,7 @@ pub(super) const RIG: &[Group] = &[
                 "0.0003",
                 "How far a leg's length may be from what the rig believes: sensor, joints, calibration; a \
                  bound.",
-                "`analyze workspace` makes the positional tolerance of it.",
+                "`analyze workspace` computes the positional tolerance from it.",
             ),
             key(
                 "ball_limit_deg",
@@ -324,7 +324,7 @@ pub(super) const RIG: &[Group] = &[
                 Shape::Number(Range::within(0.0, 1e-6)),
                 "9e-12",
                 "Total flow–pressure coefficient K_ce.",
-                "Larger damps the oil spring and takes static stiffness.",
+                "Larger damps the oil spring more and reduces the static stiffness.",
             ),
         ],
     },

@@ -256,8 +256,8 @@ impl Platform {
         Some(inverse.transpose() * self.mass_matrix(c) * inverse)
     }
 
-    /// Effective masses, the eigenvalues of `(J M⁻¹ Jᵀ)⁻¹`, rising, kg: what six equal legs feel in
-    /// the six modes of the platform.
+    /// Effective masses, the eigenvalues of `(J M⁻¹ Jᵀ)⁻¹`, rising, kg: the masses that act on six
+    /// equal legs in the six modes of the platform.
     #[must_use]
     pub fn effective_masses_kg(&self, c: &Configuration) -> Option<[f64; 6]> {
         let mut masses: [f64; 6] = self.leg_mass_matrix(c)?.symmetric_eigenvalues().into();

@@ -88,7 +88,7 @@ impl Platform {
         self.middle
     }
 
-    /// `X_bp` of the plate that shows the mechanisms the relative pose `X_34`:
+    /// `X_bp` of the plate at which the mechanisms have the relative pose `X_34`:
     /// `X_0p = X_03 · X_34 · X_4p`, seen from the ground.
     #[must_use]
     pub fn plate_from_docking(&self, x_34: &Pose) -> Pose {
@@ -295,7 +295,8 @@ impl Configuration {
 
 /// `A x = b` by elimination with row exchange; `None` when `A` is singular to rounding.
 ///
-/// By hand and not by nalgebra's LU because forward kinematics spends most of its time here.
+/// Own code instead of the LU decomposition of nalgebra, because forward kinematics spends most of
+/// its time here.
 fn solve(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> Option<[f64; 6]> {
     for k in 0..6 {
         let mut pivot = k;

@@ -51,6 +51,8 @@ struct Ended {
     dropped: u64,
     /// What the machine did not grant.
     lacking: Option<String>,
+    /// What ordered a stop from outside.
+    stopped: Option<&'static str>,
 }
 
 /// What moves the spacecraft besides the mechanism, on the path of the loop: the scenario's thrusts and
@@ -79,7 +81,7 @@ fn keep_time<R: Rig, K: Clock, C: Control>(
     mut pace: Option<RealtimeClock>,
     mut take: impl FnMut(TickRecord) -> bool,
 ) -> Ended {
-    let mut broken = None;
+    let (mut broken, mut stopped) = (None, None);
     while !running.finished() {
         let control = commands.next(running.phase());
         if let Some(pace) = &mut pace {
@@ -88,7 +90,8 @@ fn keep_time<R: Rig, K: Clock, C: Control>(
         match running.tick(&control) {
             Ok(r) => {
                 commands.see(&r);
-                if take(r) || commands.control.ended() {
+                stopped = stopped.or_else(|| commands.control.stopped());
+                if take(r) || stopped.is_some() || commands.control.ended() {
                     running.end();
                 }
             }
@@ -98,7 +101,7 @@ fn keep_time<R: Rig, K: Clock, C: Control>(
             }
         }
     }
-    ended(running, broken)
+    Ended { stopped, ..ended(running, broken) }
 }
 
 fn ended<R: Rig, K: Clock>(running: Loop<R, K, Running>, broken: Option<String>) -> Ended {
@@ -106,7 +109,7 @@ fn ended<R: Rig, K: Clock>(running: Loop<R, K, Running>, broken: Option<String>)
     let times = running.times().clone();
     let end = running.stop().into_end();
     let (late, missed) = (counts.overruns, counts.missed);
-    Ended { end, times, late, missed, broken, dropped: 0, lacking: None }
+    Ended { end, times, late, missed, broken, dropped: 0, lacking: None, stopped: None }
 }
 
 impl<'a> HilRun<'a> {

@@ -1,4 +1,4 @@
-//! The loop in a thread of its own priority, and the thread that looks at what it did.
+//! The loop in a thread with real-time priority, and the thread that observes its ticks.
 
 use std::{
     sync::{
@@ -24,7 +24,7 @@ use crate::{
     sink::Sink,
 };
 
-/// Ticks between the loop and what looks at them: two seconds.
+/// Slots of the ring buffer between the loop and the observing thread, ticks: two seconds.
 const RING_TICKS: usize = 2048;
 /// How long the looking thread sleeps when there is nothing new.
 const IDLE: Duration = Duration::from_millis(2);

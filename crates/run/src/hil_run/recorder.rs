@@ -217,6 +217,11 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         summary.loop_ = Some(loop_summary(ended));
         summary.step_us = step_summary(ended);
         summary.safety = Some(safety_summary(ended));
+        let mut reason = judgement.reason;
+        if let (Some(by), None) = (ended.stopped, ended.end.trip) {
+            reason = format!("stopped by {by}");
+            summary.stop(&reason);
+        }
         if let Some(why) = &ended.lacking {
             summary.degrade(why);
         }
@@ -225,7 +230,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         }
         self.events.push(RunEvent::Outcome {
             outcome: summary.outcome,
-            reason: judgement.reason,
+            reason,
             decided_s: judgement.time_s,
         });
         let kept = self.recorder.events(&mut self.sink, &mut self.events, Tick(last), time);

@@ -1,10 +1,12 @@
 //! A docking in a second engine, MuJoCo, which shares no code with docktwin, and the comparison.
 //!
-//! [`SecondEngine`] runs a recorded run once more; [`compare`] holds both recordings against the
-//! requirements. Making and recording docktwin's own run is the caller's part.
+//! [`SecondEngine`] runs a recorded run once more; [`record`] makes a run directory of its tables;
+//! [`compare`] holds both recordings against the requirements. Making and recording docktwin's own run
+//! is the caller's part.
 
 mod comparison;
 mod second;
+mod tables;
 
 pub use self::{
     comparison::{
@@ -12,4 +14,5 @@ pub use self::{
         PoseDifference, Side, Until, compare,
     },
     second::{EngineError, EngineResult, EngineRun, SecondEngine, engine_summary},
+    tables::record,
 };

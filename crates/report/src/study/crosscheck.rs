@@ -1,13 +1,17 @@
-//! A cross-check as rows and words.
+//! A docking in a second engine against docktwin's own: rows, words and plots.
+
+mod plots;
 
 use core::fmt::Display;
 
 use docktwin_study::crosscheck::{Compared, ComparisonSummary, CrossCheck};
 use serde::Serialize;
 
+pub use self::plots::plots;
+
 /// What `comparison.json` holds, and what `--json` prints.
 #[derive(Debug, Serialize)]
-pub(super) struct Answer<'a> {
+pub struct Answer<'a> {
     #[serde(flatten)]
     summary: &'a ComparisonSummary,
     /// The comparison in words.
@@ -109,12 +113,15 @@ fn rows(c: &CrossCheck) -> Vec<Row> {
 }
 
 impl<'a> Answer<'a> {
-    pub(super) fn new(c: &'a CrossCheck) -> Self {
+    /// The comparison in rows.
+    #[must_use]
+    pub fn new(c: &'a CrossCheck) -> Self {
         Self { summary: &c.summary, rows: rows(c) }
     }
 
     /// The comparison in words.
-    pub(super) fn lines(&self) -> Vec<String> {
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
         let s = self.summary;
         let mut out = vec![
             format!(

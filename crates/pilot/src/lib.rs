@@ -1,7 +1,24 @@
 //! A person at the controls: the six axes of the chaser from the keyboard, and from a gamepad.
 //!
 //! Threads read the devices and leave the stick's position in one atomic word; the loop reads it once
-//! a tick and waits for nobody. Six axes in one word: a reader never sees half of a change.
+//! a tick and waits for nobody. Six axes in one word: a reader never sees half of a change. The stick is
+//! a [`Control`] of a run.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use docktwin_pilot::{HOLD_S, Pilot, PilotLimits};
+//! use docktwin_run::{Rehearsal, SummaryOnly};
+//! use docktwin_scenario::Scenario;
+//!
+//! let scenario = Scenario::from_path("scenarios/apas_nominal.toml")?;
+//! let limits = PilotLimits::of_chaser(&scenario.chaser);
+//! // The terminal is the pilot's until `pilot` is dropped.
+//! let pilot = Pilot::start(limits, HOLD_S)?;
+//! let stick = Some(pilot.stick());
+//! Rehearsal::new(&scenario)?.run_with(&mut SummaryOnly, stick, &mut ())?;
+//! # Ok(())
+//! # }
+//! ```
 
 use std::{
     io,
@@ -15,7 +32,7 @@ use std::{
 
 use crossterm::{
     event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers},
-    terminal::{disable_raw_mode, enable_raw_mode},
+    terminal::{disable_raw_mode, enable_raw_mode, is_raw_mode_enabled},
 };
 use docktwin_core::{DVec3, Wrench};
 use docktwin_model::Spacecraft;
@@ -157,6 +174,12 @@ impl Control for Stick {
     fn in_person(&self) -> bool {
         true
     }
+}
+
+/// Whether a pilot of this process has the terminal: then no line of text begins by itself.
+#[must_use]
+pub fn has_terminal() -> bool {
+    is_raw_mode_enabled().unwrap_or(false)
 }
 
 /// A keyboard, and a gamepad where there is one, in use. Dropping it gives the terminal back, and so

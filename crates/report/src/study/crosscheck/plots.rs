@@ -4,6 +4,8 @@ use docktwin_core::Euler;
 use docktwin_plot::{Axis, Colour, Dash, Embed, Line, Marker, Plot, PlotError};
 use docktwin_study::crosscheck::{CrossCheck, PoseDifference, Side};
 
+use super::super::NamedText;
+
 /// A curve: times from first contact, s, and values.
 type Curve = Vec<[f64; 2]>;
 
@@ -39,8 +41,12 @@ fn over_time<'a>(c: &CrossCheck, sides: &[Side; 2], title: &str, y: Axis) -> Plo
     p
 }
 
-/// Every plot, with its file name.
-pub(super) fn all(c: &CrossCheck, sides: &[Side; 2]) -> Result<Vec<(String, String)>, PlotError> {
+/// `relative_position.svg`, `relative_attitude.svg`, `position_difference.svg`,
+/// `attitude_difference.svg` and `port_force.svg`.
+///
+/// # Errors
+/// A plot that cannot be drawn.
+pub fn plots(c: &CrossCheck, sides: &[Side; 2]) -> Result<Vec<NamedText>, PlotError> {
     let angles = |s: &Side, i: usize| {
         let e = Euler::from_quat(s.attitude[i]);
         [e.roll, e.pitch, e.yaw]
@@ -85,7 +91,7 @@ fn overlay(c: &CrossCheck, sides: &[Side; 2], o: &Overlay<'_>) -> Result<String,
     p.svg(Embed::Alone)
 }
 
-fn differences(c: &CrossCheck, sides: &[Side; 2]) -> Result<[(String, String); 2], PlotError> {
+fn differences(c: &CrossCheck, sides: &[Side; 2]) -> Result<[NamedText; 2], PlotError> {
     let curve = |value: &dyn Fn(&PoseDifference) -> f64| -> Curve {
         c.differences.iter().map(|d| [d.time_s - c.summary.zero_s[0], value(d)]).collect()
     };

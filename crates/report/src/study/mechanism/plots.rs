@@ -1,17 +1,21 @@
-//! Plots of `analyze mechanism`.
+//! Plots of the mechanism on its bench.
 
 use docktwin_physics::bench::{Axis, Record};
 use docktwin_plot::{Axis as PlotAxis, Colour, Dash, Embed, Line, Marker, Plot, PlotError};
-
 use docktwin_study::mechanism::{AxisRecords, AxisSummary, ContactLoop, MechanismBench};
 
-use super::{attenuation_word, others_word};
-use crate::analyze::plots::sheet;
+use super::{
+    super::{NamedText, sheet::sheet},
+    attenuation_word, others_word,
+};
 
 type Curve = Vec<[f64; 2]>;
 
-/// Every plot, with its file name.
-pub(super) fn all(r: &MechanismBench) -> Result<Vec<(String, String)>, PlotError> {
+/// `loop_AXIS.svg` of every axis, Fig. 6 to 9 of the paper, `coupling.svg` and `contact.svg`.
+///
+/// # Errors
+/// A plot that cannot be drawn.
+pub fn plots(r: &MechanismBench) -> Result<Vec<NamedText>, PlotError> {
     let mut out = Vec::new();
     for (a, records) in r.summary.axes.iter().zip(&r.records) {
         out.push((format!("loop_{}.svg", a.axis.name()), axis(r, a, records)?));

@@ -1,47 +1,89 @@
-//! From words to work.
+//! `model` and `scenario`: files checked, their keys explained.
 
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
 };
 
-use docktwin_model::{
-    input::shown,
-    keys::{self, FileKind},
-};
-use docktwin_scenario::{Loader, explained, load_scenario};
+use clap::Subcommand;
+use docktwin_model::keys::{self, FileKind};
+use docktwin_scenario::{explained, load_scenario};
 
 use crate::{
-    analyze,
-    cli::{Cli, Command, ModelCommand, ScenarioCommand},
     failure::{BAD_INPUT, Failure, problem_json},
-    rehearse, replay, report, view,
+    inputs::overrides,
 };
 
-/// Runs the command.
-pub(crate) fn run(cli: &Cli) -> Result<ExitCode, Failure> {
-    let json = cli.common.json;
-    match &cli.command {
-        Command::Rehearse(args) => rehearse::run(args, json),
-        Command::Hil(args) => crate::hil::run(args, json),
-        Command::Replay(args) => replay::run(args, json),
-        Command::Diff(args) => crate::diff::run(args, json),
-        Command::Export(args) => crate::export::run(args, json),
-        Command::Recover(args) => crate::recover::run(args, json),
-        Command::View(args) => view::run(args, json),
-        Command::Analyze(command) => analyze::run(command, json),
-        Command::Report(args) => report::run(args, json),
-        Command::Doctor(args) => crate::doctor::run(args, json),
-        Command::Rig(command) => crate::rig::run(command, json),
-        Command::Validate(command) => crate::validate::run(command, json),
-        Command::Model(ModelCommand::Check { file }) => Ok(model_check(file, json)),
-        Command::Model(ModelCommand::Explain { key, kind }) => {
-            explain_model(key.as_deref(), *kind, json)
-        }
-        Command::Scenario(ScenarioCommand::Check { file, set }) => check_scenario(file, set, json),
-        Command::Scenario(ScenarioCommand::Explain { key }) => {
-            explain_scenario(key.as_deref(), json)
-        }
+/// `model …`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum ModelCommand {
+    /// Tell everything read, refused or ignored in a URDF or its TOML, all problems at once
+    #[command(
+        after_help = "Examples:\n  docktwin model check models/urdf/apas_active.urdf\n  docktwin model check models/urdf/chaser_8t.toml --json"
+    )]
+    Check {
+        /// URDF or TOML of a spacecraft or of one side of a mechanism
+        file: PathBuf,
+    },
+    /// Explain a key of the TOML of spacecraft, mechanisms and rigs, or all of them
+    #[command(
+        after_help = "Examples:\n  docktwin model explain\n  docktwin model explain ring_body.mass_kg\n  docktwin model explain spread --kind rig"
+    )]
+    Explain {
+        /// Key or table, with dots
+        key: Option<String>,
+        /// Only of one kind of file
+        #[arg(long, value_name = "KIND", value_parser = file_kind)]
+        kind: Option<FileKind>,
+    },
+}
+
+fn file_kind(text: &str) -> Result<FileKind, String> {
+    let words = FileKind::WORDS;
+    words
+        .into_iter()
+        .find(|(w, _)| *w == text)
+        .map(|(_, kind)| kind)
+        .ok_or_else(|| format!("a kind is one of {}", words.map(|(w, _)| w).join(", ")))
+}
+
+/// `scenario …`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum ScenarioCommand {
+    /// Check a scenario and every model it names, all problems at once
+    #[command(
+        after_help = "Examples:\n  docktwin scenario check scenarios/apas_nominal.toml\n  docktwin scenario check my.toml --set run.duration_s=5"
+    )]
+    Check {
+        /// Scenario file
+        file: PathBuf,
+        /// Override a key of the scenario, repeatable
+        #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+        set: Vec<String>,
+    },
+    /// Explain a key of the scenario file, or all of them
+    #[command(
+        after_help = "Examples:\n  docktwin scenario explain\n  docktwin scenario explain initial.gap_m"
+    )]
+    Explain {
+        /// Key, with dots
+        key: Option<String>,
+    },
+}
+
+/// Runs `model …`.
+pub(crate) fn model(command: &ModelCommand, json: bool) -> Result<ExitCode, Failure> {
+    match command {
+        ModelCommand::Check { file } => Ok(model_check(file, json)),
+        ModelCommand::Explain { key, kind } => explain_model(key.as_deref(), *kind, json),
+    }
+}
+
+/// Runs `scenario …`.
+pub(crate) fn scenario(command: &ScenarioCommand, json: bool) -> Result<ExitCode, Failure> {
+    match command {
+        ScenarioCommand::Check { file, set } => check_scenario(file, set, json),
+        ScenarioCommand::Explain { key } => explain_scenario(key.as_deref(), json),
     }
 }
 
@@ -114,7 +156,7 @@ fn check_scenario(file: &Path, set: &[String], json: bool) -> Result<ExitCode, F
         let notes: Vec<String> = scenario.notes.iter().map(|n| n.to_string()).collect();
         println!("{}", serde_json::json!({ "scenario": scenario.name, "notes": notes }));
     } else {
-        scenario.notes.iter().for_each(|n| println!("ignored {n}"));
+        scenario.notes.iter().for_each(|n| println!("{} {n}", n.word()));
         println!(
             "{}: nothing to mend; expects `{}`, {}",
             scenario.name, scenario.expect.outcome, scenario.expect.because
@@ -146,42 +188,4 @@ fn explain_scenario(key: Option<&str>, json: bool) -> Result<ExitCode, Failure> 
         }
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// `--set key.path=value` as pairs.
-pub(crate) fn overrides(set: &[String]) -> Result<Vec<(String, String)>, Failure> {
-    set.iter()
-        .map(|s| {
-            s.split_once('=').map(|(k, v)| (k.trim().to_owned(), v.trim().to_owned())).ok_or_else(
-                || Failure::Usage {
-                    what: format!("`--set {}` has no `=`", shown(s)),
-                    remedy: "write it as --set key.path=value, for example \
-                             --set initial.lateral_y_m=0.1"
-                        .to_owned(),
-                },
-            )
-        })
-        .collect()
-}
-
-/// Reads scenarios with `--set` applied.
-pub(crate) fn loader(set: &[String]) -> Result<Loader, Failure> {
-    Ok(Loader::new().set_texts("--set ", &overrides(set)?))
-}
-
-/// The present instant as names of files have it.
-pub(crate) fn timestamp() -> String {
-    jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string()
-}
-
-/// A directory that is not there yet, named after what goes there and the time.
-pub(crate) fn new_directory(parent: &str, name: &str) -> PathBuf {
-    let now = timestamp();
-    let mut directory = Path::new(parent).join(format!("{name}-{now}"));
-    let mut n = 1;
-    while directory.exists() {
-        n += 1;
-        directory = Path::new(parent).join(format!("{name}-{now}-{n}"));
-    }
-    directory
 }

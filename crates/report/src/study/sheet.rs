@@ -1,11 +1,11 @@
-//! What plots of all analyses have in common.
+//! Several plots on one sheet.
 
 use core::fmt::Write as _;
 
 use docktwin_plot::{Embed, Plot, PlotError, STYLE};
 
 /// Plots in rows on one sheet.
-pub(crate) fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
+pub(super) fn sheet(rows: &[&[Plot<'_>]]) -> Result<String, PlotError> {
     const GAP: f64 = 10.0;
     let (mut body, mut y, mut width) = (String::new(), 0.0f64, 0.0f64);
     for row in rows {

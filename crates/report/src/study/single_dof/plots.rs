@@ -1,6 +1,5 @@
 //! Fig. 23 to 26, and the joined spring in time.
 
-use docktwin_control::single_dof::transfer::Complex as C;
 use docktwin_plot::{Axis, Colour, Dash, Line, Plot, PlotError, Points};
 use docktwin_study::{
     Complex,
@@ -10,8 +9,10 @@ use docktwin_study::{
     },
 };
 
-use super::title;
-use crate::analyze::plots::sheet;
+use super::{
+    super::{NamedText, sheet::sheet},
+    title,
+};
 
 type Curve = Vec<[f64; 2]>;
 
@@ -29,8 +30,11 @@ const fn colour(kind: InterfaceKind) -> Colour {
     }
 }
 
-/// Every plot with its file name.
-pub(super) fn all(f: &SingleDof) -> Result<Vec<(String, String)>, PlotError> {
+/// `fig23_interface.svg`, `fig24_loop.svg`, `fig25_displacement.svg`, `fig26_force.svg` and `spring.svg`.
+///
+/// # Errors
+/// A plot that cannot be drawn.
+pub fn plots(f: &SingleDof) -> Result<Vec<NamedText>, PlotError> {
     let title = format!("{} at {} m/s", f.summary.mechanism, f.docking.closing_speed_m_s);
     let spring = f.joined_spring.closing_speed_m_s;
     Ok(vec![
@@ -146,7 +150,7 @@ fn closed_loop(f: &SingleDof) -> Result<String, PlotError> {
         (InterfaceKind::Compensated, |l| l.compensated),
     ];
     let seven: [[Curve; 3]; 2] = legs.map(|(_, of)| {
-        let ratio = |l: &LoopPoint| (C::from(of(l)) / C::from(l.simulated)).into();
+        let ratio = |l: &LoopPoint| of(l).over(l.simulated);
         [gain(&of), unwrapped(f.loops.iter().map(|l| (l.hz, of(l)))), gain(&ratio)]
     });
     let title = format!("HIL loop (7) over simulated system (6) (as Fig. 24): {}", preset(f));

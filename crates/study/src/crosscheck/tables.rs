@@ -12,25 +12,31 @@ use docktwin_record::{
     read_table,
 };
 use docktwin_run::{
+    RunError,
     provenance::{ModelCopies, digest_keys},
     signals::columns,
 };
 use docktwin_scenario::Scenario;
-use docktwin_study::crosscheck::{EngineResult, engine_summary};
 use serde_json::json;
 
-use crate::failure::Failure;
+use super::second::{EngineResult, engine_summary};
 
 type Table = BTreeMap<String, Vec<f64>>;
 
 /// Makes a run directory of the tables: docktwin's columns as far as MuJoCo knows them, places of
-/// contact, events, and a summary whose energies are not numbers.
-pub(super) fn record(
+/// contact, events, and a summary whose energies are not numbers. `started_unix_ns` is the date that the
+/// recording gets, ns since 1970.
+///
+/// # Errors
+/// Tables that cannot be read or lack a column, model files that cannot be kept, a directory that cannot
+/// be written.
+pub fn record(
     scenario: &Scenario,
     told: &EngineResult,
     tables: &Path,
     out: &Path,
-) -> Result<Summary, Failure> {
+    started_unix_ns: i128,
+) -> Result<Summary, RunError> {
     let path = tables.join(files::TABLE);
     let table = read_table(&path)?;
     let places = read_table(tables.join("contacts.parquet"))?;
@@ -48,7 +54,7 @@ pub(super) fn record(
         ("step_s", told.step_s.to_string()),
         ("tick_nanos", scenario.run.tick_nanos.to_string()),
         ("columns_unknown_to_the_engine", absent.join(" ")),
-        ("started_unix_ns", jiff::Timestamp::now().as_nanosecond().to_string()),
+        ("started_unix_ns", started_unix_ns.to_string()),
     ]
     .map(|(k, v)| (k.to_owned(), v))
     .into();
@@ -106,7 +112,7 @@ fn whole(x: f64) -> u64 {
 }
 
 /// Places of contact by tick.
-fn contact_rows(t: &Table, path: &Path) -> Result<BTreeMap<u64, Vec<ContactRow>>, Failure> {
+fn contact_rows(t: &Table, path: &Path) -> Result<BTreeMap<u64, Vec<ContactRow>>, RecordError> {
     let column = |name: &str| {
         t.get(name).ok_or_else(|| RecordError::Absent {
             what: format!("the column `{name}` of the contacts"),
@@ -209,7 +215,7 @@ mod tests {
     use docktwin_record::{Outcome, RunReader, Verdict};
     use docktwin_scenario::load_scenario;
 
-    use super::*;
+    use super::{super::second::tests::result, *};
 
     /// A table as the second engine leaves it, made by the recorder: a row a tick.
     fn table(at: &Path, name: &str, columns: Vec<Column>, rows: &[Vec<Cell>]) {
@@ -222,17 +228,6 @@ mod tests {
         }
         drop(w);
         std::fs::rename(dir.join(files::TABLE), at.join(name)).unwrap();
-    }
-
-    fn told() -> EngineResult {
-        serde_json::from_value(json!({
-            "engine": "MuJoCo 4.0.0", "integrator": "RK4", "step_s": 2e-4, "outcome": "jammed",
-            "reason": "1 of 3", "decided_s": 0.09, "end_s": 0.09, "first_contact_s": 0.003,
-            "capture_s": null, "latches_s": [null, 0.05, null], "peak_force_n": 12.5,
-            "peak_moment_nm": 3.0, "peak_penetration_m": 1e-3, "impulse_ns": 0.25, "ticks": 90,
-            "wall_s": 1.0,
-        }))
-        .unwrap()
     }
 
     #[test]
@@ -267,7 +262,7 @@ mod tests {
         table(at.path(), "contacts.parquet", names, &[place(0), place(0), place(5)]);
 
         let out = at.path().join("run");
-        let s = record(&scenario, &told(), at.path(), &out).unwrap();
+        let s = record(&scenario, &result(), at.path(), &out, 0).unwrap();
         assert_eq!((s.outcome, s.verdict), (Outcome::Jammed, Verdict::Fail));
         let mut r = RunReader::open(&out).unwrap();
         assert_eq!(r.columns(), known);

@@ -14,14 +14,21 @@ use std::{
     time::{Duration, Instant},
 };
 
-use docktwin_core::SimTime;
-use docktwin_record::{Cell, Column, ContactRow};
+use docktwin_core::{SimTime, Tick};
+use docktwin_record::{Cell, Column, ContactRow, Event, Summary};
+use docktwin_run::{
+    Sink, SinkError,
+    ring::Ring,
+    signals::MAX_CONTACTS,
+    sink::{Header, TickView},
+};
 use docktwin_scenario::Scenario;
 use docktwin_view::{SceneWriter, ViewError};
 
-use docktwin_run::{ring::Ring, signals::MAX_CONTACTS};
-
-use crate::playback::{Playback, PlaybackError, pair_names, scene_model};
+use crate::{
+    error::PlaybackError,
+    playback::{Playback, pair_names, scene_model},
+};
 
 /// Ticks on their way to the viewer at most: two seconds of a loop of 1 kHz, about 8 MB.
 const TICKS: usize = 2048;
@@ -31,6 +38,8 @@ const EVENTS: usize = 256;
 const PUSH_PERIOD: Duration = Duration::from_millis(50);
 /// How long the viewer's thread sleeps when there is nothing to show.
 const IDLE: Duration = Duration::from_millis(5);
+/// How long a viewer may take over what is left when the run has ended.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Why a run cannot be shown live.
 #[derive(Debug, thiserror::Error)]
@@ -168,6 +177,57 @@ impl Live {
             events_dropped: self.events.dropped.load(Ordering::Relaxed),
             complete: self.thread.is_finished() && matches!(self.thread.join(), Ok(Ok(()))),
         }
+    }
+}
+
+/// A live viewer as a sink of a run.
+pub struct LiveViewer {
+    live: Option<Live>,
+    report: Option<LiveReport>,
+    tick_nanos: u64,
+}
+
+impl LiveViewer {
+    /// Finds the viewer at `url`; see [`Live::start`].
+    ///
+    /// # Errors
+    /// Those of [`Live::start`].
+    pub fn start(url: &str, scenario: &Scenario, columns: &[Column]) -> Result<Self, LiveError> {
+        let live = Live::start(url, scenario, columns)?;
+        Ok(Self { live: Some(live), report: None, tick_nanos: 0 })
+    }
+
+    /// What became of the stream, once the run has ended.
+    #[must_use]
+    pub const fn report(&self) -> Option<LiveReport> {
+        self.report
+    }
+}
+
+impl Sink for LiveViewer {
+    fn begin(&mut self, h: &Header<'_>) -> Result<(), SinkError> {
+        self.tick_nanos = h.scenario.run.tick_nanos;
+        Ok(())
+    }
+
+    fn event(&mut self, e: &Event) -> Result<(), SinkError> {
+        if let Some(live) = &self.live {
+            let time = SimTime::of_tick(Tick(e.tick), self.tick_nanos);
+            live.events().event(time, &e.kind, &e.text);
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self, t: &TickView<'_>) -> Result<(), SinkError> {
+        if let Some(live) = &mut self.live {
+            live.tick(t.time, t.row, t.contacts, t.due);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _summary: &mut Summary) -> Result<(), SinkError> {
+        self.report = self.live.take().map(|live| live.finish(PATIENCE));
+        Ok(())
     }
 }
 

@@ -8,9 +8,11 @@ use docktwin_physics::{
     contact::PAIRS,
     mechanism::{System, pair_name},
 };
-use docktwin_record::{Cell, Column, ContactRow, RecordError, RunReader, TickRecord};
+use docktwin_record::{Cell, Column, ContactRow, RunReader, TickRecord};
 use docktwin_scenario::Scenario;
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
+
+use crate::error::PlaybackError;
 
 /// Between two frames while surfaces touch or something happens, and for [`SETTLING_NS`] after, ns.
 const LIVELY_NS: u64 = 10_000_000;
@@ -20,23 +22,6 @@ const QUIET_NS: u64 = 50_000_000;
 const SETTLING_NS: u64 = 300_000_000;
 
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
-
-/// Why a recording cannot be shown.
-#[derive(Debug, thiserror::Error)]
-pub enum PlaybackError {
-    /// The recording lacks what a scene is made of.
-    #[error("the recording has no columns {}: it was made by another version", missing.join(", "))]
-    Columns {
-        /// Their names.
-        missing: Vec<String>,
-    },
-    /// The recording cannot be read.
-    #[error(transparent)]
-    Record(#[from] RecordError),
-    /// The scene cannot be written.
-    #[error(transparent)]
-    View(#[from] ViewError),
-}
 
 /// Names of the pairs that frames speak of: pairs of surfaces in the order of
 /// [`docktwin_physics::contact::SurfacePair::from_index`], then the three latches.
