@@ -4,11 +4,14 @@
 //!
 //! | file | written by | content |
 //! | --- | --- | --- |
-//! | `run.mcap` | [`RunWriter`] | every tick: columns, contacts, events; readable after a crash |
+//! | `run.mcap` | [`RunWriter`] | every tick: columns, contacts, events, and their chained digests; readable after a crash |
 //! | `telemetry.parquet` | [`RunWriter`] | the same columns, one row a tick; complete only after `finish` |
 //! | `events.jsonl` | [`RunWriter`] | one [`Event`] a line |
 //! | `scenario.toml` | [`RunWriter::scenario_toml`] | the scenario as it ran |
 //! | `summary.json` | [`RunWriter::finish`] | [`Summary`] |
+//!
+//! Rows, events, the summary and the files kept with a run have digests ([`RunReader::cut`] tells what does not
+//! fit, [`Flaw`] of which kind it is): rows that do not fit theirs are not handed out.
 //!
 //! Every number is kept bit for bit, NaN payloads and −0.0 included, so that a replay can be
 //! compared with its recording tick by tick ([`first_difference`]).
@@ -43,7 +46,10 @@
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 
+mod assembly;
 mod bounded;
+mod chain;
+mod check;
 mod column;
 mod compare;
 mod container;
@@ -56,12 +62,15 @@ mod layout;
 mod log;
 mod reader;
 mod recover;
+mod scan;
 mod summary;
 mod table;
+mod table_check;
 mod writer;
 
 use std::collections::BTreeMap;
 
+pub use check::{KEPT_KEY, SummaryFile, read_summary};
 pub use column::{Cell, Column, ColumnKind, ColumnProblem, ContactRow};
 pub use compare::{
     Align, ColumnComparison, CompareOptions, Comparison, StateComparison, Tolerance, compare,
@@ -74,7 +83,7 @@ pub use export::{Exported, Selection, export_csv, export_mat};
 pub use import::read_table;
 #[doc(hidden)]
 pub use reader::flip_bit;
-pub use reader::{Cut, RunReader, TickRecord, Ticks, rebuild_parquet};
+pub use reader::{Cut, Flaw, Hole, RunReader, TickRecord, Ticks, rebuild_parquet};
 pub use recover::{Recovered, recover};
 pub use summary::{
     Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,

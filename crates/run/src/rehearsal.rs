@@ -72,6 +72,8 @@ pub struct RehearsalOptions {
 pub struct Rehearsal<'a> {
     scenario: &'a Scenario,
     options: RehearsalOptions,
+    /// Physics steps in a tick.
+    steps: u32,
     system: System,
     bodies: [BodyState; 3],
 }
@@ -91,7 +93,18 @@ impl<'a> Rehearsal<'a> {
     /// The sides overlap at the start.
     pub fn with(scenario: &'a Scenario, options: RehearsalOptions) -> Result<Self, RunError> {
         let (system, bodies) = start(scenario)?;
-        Ok(Self { scenario, options, system, bodies })
+        let steps = options.twin.steps_per_tick(scenario);
+        Ok(Self { scenario, options, steps, system, bodies })
+    }
+
+    /// By the twin of a recording, in its steps.
+    pub(crate) fn as_recorded(
+        scenario: &'a Scenario,
+        twin: TwinKind,
+        steps: u32,
+    ) -> Result<Self, RunError> {
+        let options = RehearsalOptions { twin, seed: 0 };
+        Ok(Self { steps, ..Self::with(scenario, options)? })
     }
 
     /// Runs the scenario to its end.
@@ -149,9 +162,8 @@ impl<'a> Rehearsal<'a> {
     /// # Errors
     /// The sink cannot be begun.
     pub fn begin<S: Sink>(self, mut sink: S) -> Result<RunningRehearsal<'a, S>, RunError> {
-        let Self { scenario, options, system, bodies } = self;
+        let Self { scenario, options, steps, system, bodies } = self;
         let (columns, pair_names) = (columns(), pair_names(scenario));
-        let steps = options.twin.steps_per_tick(scenario);
         let metadata = metadata(scenario, options, steps);
         let tick_nanos = scenario.run.tick_nanos;
         let header = Header {
@@ -390,6 +402,24 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             ));
             self.ended = true;
         }
+    }
+
+    /// The tick to come as it was recorded: `control` is all that acts, the scenario's thrusts included.
+    pub(crate) fn record_as_recorded(&mut self, control: &Inputs) {
+        let situation = self.situation();
+        self.record(&situation, control);
+    }
+
+    /// On to the next tick under the control wrenches of this one.
+    pub(crate) fn step_as_recorded(&mut self, control: &Inputs) {
+        self.twin.tick(control);
+        self.tick += 1;
+        *self.now = self.twin.instant(self.time().seconds());
+    }
+
+    /// Where the run goes.
+    pub(crate) const fn sink_mut(&mut self) -> &mut S {
+        &mut self.sink
     }
 
     /// Observes the present instant and hands it to the sink.
