@@ -8,8 +8,9 @@ use mcap::records::{Channel, MessageHeader};
 
 use crate::chain::{EventChain, Link, RowChain};
 use crate::column::{CONTACTS_TOPIC, Cell, DIGEST_TOPIC, EVENTS_TOPIC, OWN_TOPICS, TICK_TOPIC};
+use crate::flaw::{Flaw, Stop};
 use crate::layout::{self, Topic};
-use crate::reader::{Flaw, Stop, TickRecord};
+use crate::tick::TickRecord;
 use crate::{Column, Event};
 
 /// Ticks that wait for a digest at most; the recorder writes one after 50.

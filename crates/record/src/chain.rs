@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 
 use docktwin_core::{Digest, SimTime, Tick};
 
-use crate::TickRecord;
 use crate::column::{Cell, Column, ColumnKind, ContactRow};
-use crate::log::{RECOVERED_KEY, STARTED_KEY};
+use crate::keys::{RECOVERED_KEY, STARTED_KEY};
+use crate::tick::TickRecord;
 
 /// The digest of rows so far.
 #[derive(Clone, Debug)]

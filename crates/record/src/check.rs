@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 use docktwin_core::{Digest, StateHasher};
 use serde_json::Value;
 
-use crate::reader::open_file;
+use crate::paths::open_file;
 use crate::{RecordError, SUMMARY_SCHEMA, Summary, files};
 
 /// Key of the metadata, before the path of a file that is kept with the run, of its digest.

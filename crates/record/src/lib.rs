@@ -57,15 +57,19 @@ mod diff;
 mod error;
 mod event;
 mod export;
+mod flaw;
 mod import;
+mod keys;
 mod layout;
 mod log;
+mod paths;
 mod reader;
 mod recover;
 mod scan;
 mod summary;
 mod table;
 mod table_check;
+mod tick;
 mod writer;
 
 use std::collections::BTreeMap;
@@ -83,7 +87,9 @@ pub use export::{Exported, Selection, export_csv, export_mat};
 pub use import::read_table;
 #[doc(hidden)]
 pub use reader::flip_bit;
-pub use reader::{Cut, Flaw, Hole, RunReader, TickRecord, Ticks, rebuild_parquet};
+pub use flaw::{Cut, Flaw, Hole};
+pub use reader::{RunReader, Ticks, rebuild_parquet};
+pub use tick::TickRecord;
 pub use recover::{Recovered, recover};
 pub use summary::{
     Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,

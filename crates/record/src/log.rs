@@ -8,21 +8,10 @@ use crate::column::{
     CONTACTS_TOPIC, Cell, Column, ContactRow, DIGEST_TOPIC, EVENTS_TOPIC, TICK_TOPIC,
 };
 use crate::container::Container;
+use crate::keys::{METADATA, METADATA_COLUMNS, METADATA_PAIRS, SCHEMA_KEY, DIGEST_KEY, DIGEST_KIND};
 use crate::layout::{self, Topic};
 use crate::{Event, RECORD_SCHEMA};
 use docktwin_core::{Digest, SimTime, Tick};
-
-pub(crate) const METADATA: &str = "docktwin";
-pub(crate) const METADATA_COLUMNS: &str = "docktwin.columns";
-pub(crate) const METADATA_PAIRS: &str = "docktwin.pairs";
-pub(crate) const SCHEMA_KEY: &str = "docktwin_record_schema";
-/// Says that rows and events are followed by their digests, and which.
-pub(crate) const DIGEST_KEY: &str = "record_digest";
-pub(crate) const DIGEST_KIND: &str = "blake3-128 chained by tick, 1";
-/// Why a log was written anew.
-pub(crate) const RECOVERED_KEY: &str = "recovered";
-/// Wall clock at the start of the recording, ns since 1970.
-pub(crate) const STARTED_KEY: &str = "started_unix_ns";
 
 /// Writes ticks into chunks, which hold whole ticks only.
 pub(crate) struct McapLog<W> {

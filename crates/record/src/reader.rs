@@ -11,11 +11,14 @@ use crate::assembly::{Assembly, Reading};
 use crate::chain::RowChain;
 use crate::check::{self, KEPT_KEY, MAX_TEXT_BYTES};
 use crate::column::{self, Cell, Column, ColumnKind, ContactRow};
-use crate::log::{
-    DIGEST_KEY, METADATA, METADATA_COLUMNS, METADATA_PAIRS, McapLog, RECOVERED_KEY, SCHEMA_KEY,
+use crate::flaw::{Cut, Flaw, Hole, Stop};
+use crate::keys::{
+    DIGEST_KEY, METADATA, METADATA_COLUMNS, METADATA_PAIRS, RECOVERED_KEY, SCHEMA_KEY,
 };
+use crate::log::McapLog;
+use crate::paths::{open_file, part_of};
 use crate::table::{Block, GROUP_ROWS, Table};
-use crate::writer::part_of;
+use crate::tick::TickRecord;
 use crate::{Event, RECORD_SCHEMA, RecordError, Summary, bounded, files, scan};
 
 /// No chunk of ours comes near this; a larger one is taken for damage, not for memory to be asked
@@ -26,120 +29,6 @@ const MAX_HEAD_BYTES: u64 = 1 << 22;
 /// Columns that are taken for real.
 const MAX_COLUMNS: usize = 10_000;
 const RECORD_HEADER: usize = 9;
-
-/// One tick as it was recorded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TickRecord {
-    /// Its number.
-    pub tick: Tick,
-    /// Its time.
-    pub time: SimTime,
-    /// One cell per column, in the order of [`RunReader::columns`].
-    pub row: Vec<Cell>,
-    /// The contacts.
-    pub contacts: Vec<ContactRow>,
-    /// Wall clock when the tick was handed to the recorder, ns since 1970; `None` in recordings that
-    /// were not given their start (`started_unix_ns` of the metadata).
-    pub recorded_unix_ns: Option<u64>,
-}
-
-/// What is wrong with a log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flaw {
-    /// It ends before its end mark, as when its process dies; what was read is right.
-    Ends,
-    /// It is damaged, and goes on behind the damage.
-    Damaged,
-    /// Rows, events or metadata are not those that were recorded, by their digests.
-    Edited,
-    /// Whole in itself, but `summary.json` is that of another run, or edited.
-    Foreign,
-    /// It was recovered and lacks ticks of its run.
-    Recovered,
-}
-
-/// A log that is not what it should be: cut, damaged or edited.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Cut {
-    /// Everything before this byte was read.
-    pub at_byte: u64,
-    /// Length of the file, bytes.
-    pub file_bytes: u64,
-    /// The last tick that was read.
-    pub last: Option<(Tick, SimTime)>,
-    /// What was found there.
-    pub why: String,
-    /// Of which kind it is.
-    pub flaw: Flaw,
-}
-
-impl Cut {
-    /// Whether it merely ends too early, so that what was read is as good as that of a whole one.
-    #[must_use]
-    pub fn merely_ends(&self) -> bool {
-        self.flaw == Flaw::Ends
-    }
-}
-
-impl fmt::Display for Cut {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { at_byte, file_bytes, last, why, flaw } = self;
-        match flaw {
-            Flaw::Ends => write!(f, "the log stops at byte {at_byte} of {file_bytes} ({why}); ")?,
-            Flaw::Damaged => {
-                write!(f, "the log is damaged at byte {at_byte} of {file_bytes} ({why}); ")?;
-            }
-            Flaw::Edited => write!(f, "the log is not what was recorded ({why}); ")?,
-            Flaw::Foreign | Flaw::Recovered => return f.write_str(why),
-        }
-        match last {
-            Some((tick, time)) => {
-                write!(f, "recovered up to tick {} ({:.3} s)", tick.0, time.seconds())
-            }
-            None => f.write_str("no tick was recovered"),
-        }
-    }
-}
-
-/// A place of a log that was passed over.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Hole {
-    /// The last tick before it; `None` at the beginning.
-    pub after: Option<u64>,
-    /// The first tick behind it; `None` at the end.
-    pub before: Option<u64>,
-    /// What was found there.
-    pub why: String,
-}
-
-impl Hole {
-    /// First and last tick that are not there; `None` when none is known to lack.
-    #[must_use]
-    pub fn ticks(&self) -> Option<(u64, Option<u64>)> {
-        let first = self.after.map_or(0, |t| t.saturating_add(1));
-        match self.before {
-            Some(before) if before <= first => None,
-            before => Some((first, before.map(|t| t - 1))),
-        }
-    }
-}
-
-impl fmt::Display for Hole {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.ticks() {
-            None => write!(f, "no tick is missing ({})", self.why),
-            Some((first, Some(last))) if first == last => {
-                write!(f, "tick {first} is missing ({})", self.why)
-            }
-            Some((first, Some(last))) => {
-                write!(f, "ticks {first} to {last} are missing ({})", self.why)
-            }
-            Some((first, None)) => {
-                write!(f, "all from tick {first} on are missing ({})", self.why)
-            }
-        }
-    }
-}
 
 /// Reads a run directory.
 pub struct RunReader {
@@ -178,32 +67,6 @@ pub struct RunReader {
 impl fmt::Debug for RunReader {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("RunReader").field("dir", &self.dir).finish_non_exhaustive()
-    }
-}
-
-/// Why reading stops, short of an error of the system.
-pub(crate) enum Stop {
-    Cut(Flaw, String),
-    Failed(io::Error),
-}
-
-impl From<io::Error> for Stop {
-    fn from(e: io::Error) -> Self {
-        match e.kind() {
-            io::ErrorKind::UnexpectedEof => {
-                Self::Cut(Flaw::Ends, "the file ends within a record".into())
-            }
-            _ => Self::Failed(e),
-        }
-    }
-}
-
-impl From<mcap::McapError> for Stop {
-    fn from(e: mcap::McapError) -> Self {
-        match e {
-            mcap::McapError::Io(e) => Self::Cut(Flaw::Damaged, e.to_string()),
-            other => Self::Cut(Flaw::Damaged, other.to_string()),
-        }
     }
 }
 
@@ -866,16 +729,6 @@ fn take(assembly: &mut Assembly, op: u8, body: &[u8]) -> Result<bool, Stop> {
         _ => {}
     }
     Ok(true)
-}
-
-/// Opens a regular file: a pipe or a device would wait or never end.
-pub(crate) fn open_file(path: &Path, action: &'static str) -> Result<File, RecordError> {
-    let meta = fs::metadata(path).map_err(|e| RecordError::io(action, path, &e))?;
-    if !meta.is_file() {
-        let e = io::Error::new(io::ErrorKind::InvalidInput, "this is not a regular file");
-        return Err(RecordError::io(action, path, &e));
-    }
-    File::open(path).map_err(|e| RecordError::io(action, path, &e))
 }
 
 /// Reads `float64 /chaser/truth chaser_position_x_m`.

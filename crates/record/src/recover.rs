@@ -8,10 +8,13 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::{SimTime, Tick};
 
-use crate::log::{McapLog, RECOVERED_KEY};
-use crate::reader::{Cut, Flaw, Hole, write_table};
+use crate::flaw::{Cut, Flaw, Hole};
+use crate::keys::RECOVERED_KEY;
+use crate::log::McapLog;
+use crate::paths::part_of;
+use crate::reader::write_table;
 use crate::table_check::{TableState, inspect};
-use crate::writer::{CHUNK_TICKS, part_of, sync_dir};
+use crate::writer::{CHUNK_TICKS, sync_dir};
 use crate::{Event, RecordError, RunReader, files};
 
 /// What [`recover`] found and did.

@@ -16,7 +16,7 @@ use parquet::schema::types::{ColumnPath, Type};
 
 use crate::RECORD_SCHEMA;
 use crate::column::{Cell, Column, ColumnKind, OWN_COLUMNS};
-use crate::log::SCHEMA_KEY;
+use crate::keys::SCHEMA_KEY;
 use docktwin_core::{SimTime, Tick};
 
 /// Rows of a row group: 8 s of 1 ms ticks. What a writer keeps of every group to the end of the run is

@@ -23,7 +23,9 @@ use docktwin_core::{SimTime, Tick};
 
 use crate::check::own_digest;
 use crate::column::{self, Cell, Column, ContactRow};
-use crate::log::{LogDigests, McapLog, STARTED_KEY};
+use crate::keys::STARTED_KEY;
+use crate::log::{LogDigests, McapLog};
+use crate::paths::part_of;
 use crate::summary::{RecordingSummary, Summary};
 use crate::table::{Block, GROUP_ROWS, Table};
 use crate::{Event, RecordError, files};
@@ -641,11 +643,6 @@ fn replace_file(dir: &Path, name: &str, text: &str) -> Result<(), RecordError> {
     };
     write().map_err(|e| RecordError::io("write a file of the recording", &path, &e))?;
     sync_dir(dir)
-}
-
-/// A file on its way to its name.
-pub(crate) fn part_of(dir: &Path, name: &str) -> PathBuf {
-    dir.join(format!(".{name}.part"))
 }
 
 /// Keeps room on the disk for the summary.
