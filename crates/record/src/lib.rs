@@ -84,17 +84,17 @@ pub use diff::{Difference, first_difference, first_difference_except};
 pub use error::RecordError;
 pub use event::Event;
 pub use export::{Exported, Selection, export_csv, export_mat};
+pub use flaw::{Cut, Flaw, Hole};
 pub use import::read_table;
 #[doc(hidden)]
 pub use reader::flip_bit;
-pub use flaw::{Cut, Flaw, Hole};
 pub use reader::{RunReader, Ticks, rebuild_parquet};
-pub use tick::TickRecord;
 pub use recover::{Recovered, recover};
 pub use summary::{
     Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
     SafetySummary, StepUs, Summary, Verdict,
 };
+pub use tick::TickRecord;
 pub use writer::{Policy, RunWriter};
 
 /// Version of the layout of `run.mcap`; a reader refuses a newer one.

@@ -8,7 +8,9 @@ use crate::column::{
     CONTACTS_TOPIC, Cell, Column, ContactRow, DIGEST_TOPIC, EVENTS_TOPIC, TICK_TOPIC,
 };
 use crate::container::Container;
-use crate::keys::{METADATA, METADATA_COLUMNS, METADATA_PAIRS, SCHEMA_KEY, DIGEST_KEY, DIGEST_KIND};
+use crate::keys::{
+    DIGEST_KEY, DIGEST_KIND, METADATA, METADATA_COLUMNS, METADATA_PAIRS, SCHEMA_KEY,
+};
 use crate::layout::{self, Topic};
 use crate::{Event, RECORD_SCHEMA};
 use docktwin_core::{Digest, SimTime, Tick};

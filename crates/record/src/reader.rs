@@ -10,7 +10,7 @@ use mcap::records::{Record, op};
 use crate::assembly::{Assembly, Reading};
 use crate::chain::RowChain;
 use crate::check::{self, KEPT_KEY, MAX_TEXT_BYTES};
-use crate::column::{self, Cell, Column, ColumnKind, ContactRow};
+use crate::column::{self, Cell, Column, ColumnKind};
 use crate::flaw::{Cut, Flaw, Hole, Stop};
 use crate::keys::{
     DIGEST_KEY, METADATA, METADATA_COLUMNS, METADATA_PAIRS, RECOVERED_KEY, SCHEMA_KEY,
