@@ -8,8 +8,8 @@ use std::{
 
 use clap::{Args, ValueEnum};
 use docktwin_record::{
-    Align, ColumnComparison, CompareOptions, Comparison, Difference, RunReader, Summary, Tolerance,
-    compare, first_difference, first_difference_except, unit_of,
+    Align, ColumnComparison, CompareOptions, Comparison, Cut, Difference, KEPT_KEY, RunReader,
+    Summary, Tolerance, compare, first_difference, first_difference_except, unit_of,
 };
 use serde_json::{Value, json};
 
@@ -21,6 +21,7 @@ named. With --tolerance or --tol each column of numbers is judged: the differenc
 the larger of both; give --tol for what is zero but for rounding, such as the total momentum. Angles are compared on the circle, attitudes up to the sign of the quaternion.
 Outcome and order of the latches must agree; counts and states are told, not judged. Recordings with
 other tick lengths are interpolated to the ticks of A. A cut recording is compared up to the cut.
+One that is damaged or edited, or lies beside the summary of another run, is never called the same.
 
 Examples:
   docktwin diff runs/monday runs/tuesday
@@ -99,9 +100,21 @@ fn cuts(args: &DiffArgs, a: &RunReader, b: &RunReader) -> Vec<String> {
     let of = |r: &RunReader, path: &Path| {
         let why = r.cut().map(|c| format!("is cut: {c}"));
         let why = why.or_else(|| r.recovered().map(|w| format!("was recovered: {w}")));
-        why.map(|w| format!("{} {w}", path.display()))
+        let all = why.into_iter().chain(r.changed_files());
+        all.map(|w| format!("{} {w}", path.display())).collect::<Vec<_>>()
     };
     of(a, &args.run_a).into_iter().chain(of(b, &args.run_b)).collect()
+}
+
+/// Whether both are what was recorded, as far as they go: one that is damaged, edited, or beside the summary
+/// of another run is the same as nothing.
+fn as_recorded(a: &RunReader, b: &RunReader) -> bool {
+    [a, b].into_iter().all(|r| r.cut().is_none_or(Cut::merely_ends))
+}
+
+/// The summary of a run, where it belongs to the log.
+fn own_summary(r: &RunReader) -> Result<Option<Summary>, Failure> {
+    if r.summary_problem().is_some() { Ok(None) } else { Ok(r.summary()?) }
 }
 
 /// Metadata that differ, except the date.
@@ -110,7 +123,9 @@ fn told_apart(a: &RunReader, b: &RunReader) -> Vec<String> {
         a.metadata().keys().chain(b.metadata().keys()).map(|k| (k, ())).collect();
     let of = |r: &RunReader, key: &str| r.metadata().get(key).cloned().unwrap_or("–".to_owned());
     keys.into_keys()
-        .filter(|k| !["started_unix_ns", "recovered"].contains(&k.as_str()))
+        .filter(|k| !["started_unix_ns", "recovered", "record_digest"].contains(&k.as_str()))
+        // The same digests stand beside the names of the models.
+        .filter(|k| !k.starts_with(KEPT_KEY))
         .filter(|k| a.metadata().get(*k) != b.metadata().get(*k))
         .map(|k| format!("{k}: {} against {}", of(a, k), of(b, k)))
         .collect()
@@ -151,6 +166,7 @@ fn exact(
         _ => None,
     };
     let (cuts, apart) = (cuts(args, a, b), told_apart(a, b));
+    let same = found.is_none() && as_recorded(a, b);
     let ticks = [&*a, b].map(|r| r.last_tick().map_or(0, |(t, _)| t.0 + 1));
     let compared = ticks[0].min(ticks[1]);
     if compared == 0 && found.is_none() {
@@ -176,16 +192,20 @@ fn exact(
         println!(
             "{}",
             json!({
-                "mode": "exact", "same": found.is_none(), "first_difference": first,
+                "mode": "exact", "same": same, "first_difference": first,
                 "first_visible": visible,
                 "metadata": apart, "cut": cuts,
             })
         );
-        return Ok(found.is_none());
+        return Ok(same);
     }
     cuts.iter().for_each(|c| eprintln!("{c}"));
     apart.iter().for_each(|m| eprintln!("metadata differ: {m}"));
     match &found {
+        None if !same => println!(
+            "every bit is the same up to tick {}, but not both are what was recorded",
+            compared.saturating_sub(1)
+        ),
         None if cuts.is_empty() => {
             println!("the same: every bit up to tick {}", compared.saturating_sub(1))
         }
@@ -203,7 +223,7 @@ fn exact(
             }
         }
     }
-    Ok(found.is_none())
+    Ok(same)
 }
 
 /// `tick 1234 (1.234 s): chaser, position x [m]: … against …`
@@ -236,12 +256,15 @@ fn tolerant(
         },
     };
     let found = compare(a, b, &options)?;
-    let summaries = [a.summary()?, b.summary()?];
+    let summaries = [own_summary(a)?, own_summary(b)?];
     let stories = stories(&summaries);
     let agree = |key: &str| {
         stories.iter().all(|(k, x, y)| *k != key || x == y || x == UNKNOWN || y == UNKNOWN)
     };
-    let same = found.beyond().next().is_none() && agree("outcome") && agree("latch order");
+    let same = found.beyond().next().is_none()
+        && agree("outcome")
+        && agree("latch order")
+        && as_recorded(a, b);
     let (cuts, apart) = (cuts(args, a, b), told_apart(a, b));
     if json {
         let side_by_side: BTreeMap<&str, Value> =

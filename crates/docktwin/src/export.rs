@@ -8,10 +8,10 @@ use std::{
 };
 
 use clap::{Args, ValueEnum};
-use docktwin_record::{Exported, RecordError, RunReader, Selection, export_csv, export_mat};
+use docktwin_record::{Cut, Exported, RecordError, RunReader, Selection, export_csv, export_mat};
 use serde_json::json;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, OTHERWISE};
 
 pub(crate) const EXAMPLES: &str = "\
 CSV: a line a tick, names with units in the first line, numbers that come back with their bits; with
@@ -81,7 +81,10 @@ pub(crate) fn run(args: &ExportArgs, json: bool) -> Result<ExitCode, Failure> {
             });
         }
         match export_csv(&mut reader, &selection, std::io::stdout().lock(), None, &out) {
-            Ok(done) => note(&reader, &done),
+            Ok(done) => {
+                note(&reader, &done);
+                return Ok(exit(&done));
+            }
             // `export --out - | head`: the reader has what it wants.
             Err(RecordError::Io { kind: ErrorKind::BrokenPipe, .. }) => {}
             Err(e) => return Err(e.into()),
@@ -123,13 +126,19 @@ pub(crate) fn run(args: &ExportArgs, json: bool) -> Result<ExitCode, Failure> {
         }
         files.iter().for_each(|f| println!("  written to     {f}"));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(exit(&done))
+}
+
+/// 1 when what was exported is not all of what was recorded, for another reason than a run that died.
+fn exit(done: &Exported) -> ExitCode {
+    let right = done.cut.as_ref().is_none_or(Cut::merely_ends);
+    ExitCode::from(if right { 0 } else { OTHERWISE })
 }
 
 /// Says where a recording ends before its run.
 fn note(reader: &RunReader, done: &Exported) {
     if let Some(cut) = &done.cut {
-        eprintln!("the recording is cut: {cut}");
+        eprintln!("the recording is cut or damaged: {cut}");
     } else if let Some(why) = reader.recovered() {
         eprintln!("the recording was recovered: {why}");
     }

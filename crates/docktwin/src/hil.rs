@@ -1,5 +1,6 @@
 //! `hil`: the loop with a rig, in virtual or in real time.
 
+use core::cell::OnceCell;
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
@@ -111,8 +112,7 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         if options.repeats() { ("replay", "Replay it") } else { ("report", "Read about it") };
     let prepared = HilRun::new(&scenario, options)?;
     let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
-    let interrupt = Interrupt::catch();
-    let at = At { args, json, interrupt };
+    let at = At { args, json, interrupt: OnceCell::new() };
     let summary = go(prepared, &scenario, &at, &out)?;
     tell_losses(&summary, json);
     if json {
@@ -123,7 +123,7 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         println!("{what} with: docktwin {word} {}", out.display());
     }
     let tripped = summary.safety.as_ref().is_some_and(|s| !s.trips.is_empty());
-    let interrupted = interrupt.stopped().is_some() && !tripped;
+    let interrupted = at.interrupt.get().is_some_and(|i| i.stopped().is_some()) && !tripped;
     Ok(ExitCode::from(match (summary.verdict, summary.outcome) {
         (Verdict::Pass, _) => 0,
         // A signal is no stop of the supervisor.
@@ -157,7 +157,8 @@ fn go(run: HilRun<'_>, scenario: &Scenario, at: &At<'_>, out: &Path) -> Result<S
 struct At<'a> {
     args: &'a HilArgs,
     json: bool,
-    interrupt: Interrupt,
+    /// Once the operator has agreed: before, a signal ends the process as ever.
+    interrupt: OnceCell<Interrupt>,
 }
 
 impl At<'_> {
@@ -172,13 +173,14 @@ impl At<'_> {
         // Asked while the terminal is still the operator's.
         docktwin_run::rig_place::confirm(&mut operator, &self.args.rig)?;
         operator.yes = true;
+        let interrupt = *self.interrupt.get_or_init(Interrupt::catch);
         // Last: from here on the terminal is the pilot's.
         let pilot = self.args.pilot.start(scenario)?;
         let stick = pilot.as_ref().and_then(|p| p.stick());
         let line = stick.as_ref().filter(|_| !self.json).map(|_| PilotLine::default());
         let mut bar = Bar::new(self.json || stick.is_some());
         let mut sink = (sink, line);
-        let control = (stick, self.interrupt);
+        let control = (stick, interrupt);
         let summary: Result<Summary, RunError> = match self.args.led.clock.kind() {
             ClockKind::Virtual => run.run_with(rig, &mut sink, control, &mut bar, &mut operator),
             ClockKind::Realtime => {

@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::Args;
 use docktwin_report::write;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, OTHERWISE};
 
 pub(crate) const EXAMPLES: &str = "\
 The page needs nothing but itself: no network, no script. It is also written of what is left of a run
@@ -37,13 +37,17 @@ pub(crate) fn run(args: &ReportArgs, json: bool) -> Result<ExitCode, Failure> {
                 "path": written.path.display().to_string(),
                 "bytes": written.bytes,
                 "incomplete": written.incomplete,
+                "as_recorded": written.as_recorded,
             })
         );
     } else {
         if let Some(why) = &written.incomplete {
             println!("incomplete run: {why}");
         }
+        if !written.as_recorded {
+            println!("this is not what was recorded; the page says first what differs");
+        }
         println!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(ExitCode::from(if written.as_recorded { 0 } else { OTHERWISE }))
 }

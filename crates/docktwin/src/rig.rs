@@ -138,8 +138,12 @@ struct MeasureArgs {
     /// Where, X of the origin of e4 from the middle, mm [default: 0 for a spring stick, else 200]
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     at_x_mm: Option<f64>,
-    /// File [default: calibrations/<rig>-<command>-<utc>.toml]
-    #[arg(long, value_name = "FILE")]
+    /// File; by default a new one under `calibrations`.
+    #[arg(
+        long,
+        value_name = "FILE",
+        help = "File [default: calibrations/<rig>-<command>-<utc>.toml]"
+    )]
     out: Option<PathBuf>,
 }
 

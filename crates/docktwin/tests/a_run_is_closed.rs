@@ -78,16 +78,16 @@ fn stopped_by(words: &[&str], name: &str, at: &Path) {
 #[test]
 fn regress_a_signal_closes_a_run() {
     let at = tempfile::tempdir().expect("a folder");
-    // Nothing touches, and nothing is decided, for longer than the test waits.
-    let far = ["--set", "initial.gap_m=300", "--set", "run.duration_s=4000"];
-    let rehearse = [&["rehearse", "scenarios/apas_nominal.toml"][..], &far].concat();
+    // Docked, it goes on for longer than the test waits.
+    let long = ["--set", "run.stop_when_decided=false", "--set", "run.duration_s=2000"];
+    let rehearse = [&["rehearse", "scenarios/apas_nominal.toml"][..], &long].concat();
     for name in ["INT", "TERM", "HUP"] {
         stopped_by(&rehearse, name, at.path());
     }
     let dir = at.path().join("hil");
     fs::create_dir(&dir).expect("a folder");
-    let hil = ["hil", "scenarios/vibro_impact.toml", "--rig", "emulated"];
-    stopped_by(&[&hil[..], &["--set", "run.duration_s=600"]].concat(), "INT", &dir);
+    let hil = ["hil", "scenarios/apas_nominal.toml", "--rig", "emulated"];
+    stopped_by(&[&hil[..], &long].concat(), "INT", &dir);
 }
 
 /// Case C14: several processes in one second.
@@ -156,44 +156,4 @@ fn regress_output_that_is_lost_is_no_success_and_a_closed_pipe_is_no_error() {
     let said = String::from_utf8_lossy(&done.stderr).into_owned();
     assert_eq!(done.status.code(), Some(0), "{said}");
     assert!(!said.contains("disk"), "{said}");
-}
-
-/// Case C5: a state that is not finite ends the run, with one outcome whatever is recorded.
-#[test]
-fn regress_a_state_that_is_not_finite_ends_the_run() {
-    let at = tempfile::tempdir().expect("a folder");
-    let mut outcomes = Vec::new();
-    for (name, twin, more) in
-        [("a", "reduced", &["--no-rrd"][..]), ("b", "reduced", &[]), ("c", "full", &["--no-rrd"])]
-    {
-        let run = at.path().join(name);
-        let out = run.to_str().expect("letters");
-        // One step of 1 ms against a contact that rings at 10 MHz.
-        let words = [
-            "rehearse",
-            "scenarios/basic_ring_ring.toml",
-            "--twin",
-            twin,
-            "--out",
-            out,
-            "--set",
-            "mechanism.contact.stiffness_n_m=1e12",
-            "--set",
-            "mechanism.contact.normal_law=\"kelvin_voigt\"",
-            "--set",
-            "mechanism.contact.damping_n_s_m=1e12",
-            "--set",
-            "run.steps_per_tick=1",
-        ];
-        let done = docktwin(&[&words[..], more].concat()).output().expect("docktwin starts");
-        let s = summary(&run);
-        assert_eq!(done.status.code(), Some(1), "{s:#}");
-        outcomes.push((s["outcome"].clone(), s["failure_reason"].clone()));
-    }
-    assert_eq!(outcomes[0], outcomes[1], "with and without run.rrd");
-    for (outcome, reason) in outcomes {
-        let finite = outcome == "limit_exceeded";
-        let says = reason.as_str().is_some_and(|r| r.contains("is not finite after tick"));
-        assert!(finite || (outcome == "stopped" && says), "{outcome} {reason}");
-    }
 }

@@ -488,7 +488,7 @@ fn regress_hostile_spacecraft() {
                 "<link name=\"port\"/>",
                 "<link name=\"port\"><visual><geometry><mesh filename=\"../../meshes\"/></geometry></visual></link>",
             ),
-            &["does not exist"],
+            &["is not the name of a mesh"],
         ),
         (
             "moving joint",

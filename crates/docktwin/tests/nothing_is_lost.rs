@@ -204,7 +204,7 @@ fn with_limited_files(blocks: u64, run: &Path) -> Output {
 #[test]
 fn invariant_a_full_disk_is_one_error_and_what_was_written_stays() {
     let at = tempfile::tempdir().expect("a folder");
-    for (i, kib) in [700, 1000, 1500, 2400, 3300].into_iter().enumerate() {
+    for (i, kib) in [900, 1200, 1500, 2400, 3300].into_iter().enumerate() {
         match on_a_small_disk(kib, at.path()) {
             Some(done) => {
                 let saved = at.path().join(format!("saved-{kib}"));

@@ -10,7 +10,7 @@ pub use crate::text::{is_unprintable, plain, shown, shown_path};
 /// hundred times as much memory in the worst case.
 pub const MAX_TEXT_BYTES: u64 = 1 << 20;
 
-/// Why a file cannot be read, in the fields of a [`Problem`].
+/// Why a file cannot be read, in the fields of a [`crate::Problem`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Unreadable {
     /// Line, where there is one.

@@ -19,7 +19,7 @@ const THIN_KG_M3: f64 = 5.0;
 /// longer that of panels.
 const MOST_GYRATION: f64 = 10.0;
 /// A radius of gyration below this share of a homogeneous hull's is doubtful.
-const LEAST_GYRATION: f64 = 0.1;
+const LEAST_GYRATION: f64 = 0.3;
 
 /// What is known of a spacecraft before it is put together; places from the origin of the root link.
 pub(crate) struct Body<'a> {

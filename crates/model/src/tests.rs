@@ -153,7 +153,7 @@ fn regress_spacecraft_in_other_units_are_refused_or_flagged() {
         let (a, t) = (7254.37 * factor, 36134.193 * factor);
         format!("ixx=\"{a:e}\" ixy=\"0\" ixz=\"0\" iyy=\"{t:e}\" iyz=\"0\" izz=\"{t:e}\"")
     };
-    let (mm2, point, wide, thin) = (inertia(1e6), inertia(1e-22), inertia(16.0), inertia(1e-3));
+    let (mm2, point, wide, thin) = (inertia(1e6), inertia(1e-22), inertia(16.0), inertia(0.05));
     let port = |x: &str| PORT.replace("3.5 0 0", x);
     let (far, near) = (port("3500 0 0"), port("4.2 0 0"));
     let cases: &[(&str, &str, &str, &str)] = &[
@@ -162,7 +162,8 @@ fn regress_spacecraft_in_other_units_are_refused_or_flagged() {
         (INERTIA, &wide, "flagged", "right only with large panels"),
         (INERTIA, &thin, "flagged", "fills the hull evenly has 0.955 m"),
         (MASS, "<mass value=\"7960900\"/>", "refused", "the densest material has 22590"),
-        (MASS, "<mass value=\"7.9609\"/>", "flagged", "less than an empty tank"),
+        (MASS, "<mass value=\"7.9609\"/>", "refused", "radius of gyration about X is 30.2 m"),
+        (MASS, "<mass value=\"150\"/>", "flagged", "less than an empty tank"),
         (PORT, &far, "flagged", "looks like millimetres"),
         (PORT, &near, "", "0.700 m outside of the hull"),
         (

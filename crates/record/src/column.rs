@@ -157,7 +157,7 @@ pub struct ContactRow {
 
 impl ContactRow {
     /// Names of the numbers, in the order of [`Self::numbers`].
-    pub(crate) const NUMBERS: [&str; 11] = [
+    pub const NUMBERS: [&str; 11] = [
         "point_w_m.x",
         "point_w_m.y",
         "point_w_m.z",
@@ -171,7 +171,9 @@ impl ContactRow {
         "friction_w_n.z",
     ];
 
-    pub(crate) fn numbers(&self) -> [f64; 11] {
+    /// All numbers: place, normal, depth, normal force, friction.
+    #[must_use]
+    pub fn numbers(&self) -> [f64; 11] {
         let (p, n, t) = (self.point_w_m, self.normal_w, self.friction_w_n);
         [p.x, p.y, p.z, n.x, n.y, n.z, self.depth_m, self.normal_force_n, t.x, t.y, t.z]
     }
@@ -215,6 +217,9 @@ impl fmt::Display for ColumnProblem {
 pub(crate) const TICK_TOPIC: &str = "/tick";
 pub(crate) const CONTACTS_TOPIC: &str = "/contacts";
 pub(crate) const EVENTS_TOPIC: &str = "/events";
+pub(crate) const DIGEST_TOPIC: &str = "/record_digest";
+/// Topics that the recorder writes itself, in the order of their channels, from 1.
+pub(crate) const OWN_TOPICS: [&str; 4] = [TICK_TOPIC, CONTACTS_TOPIC, EVENTS_TOPIC, DIGEST_TOPIC];
 /// Columns that every recording has without being asked.
 pub(crate) const OWN_COLUMNS: [&str; 2] = ["tick", "time_s"];
 
@@ -252,7 +257,7 @@ pub(crate) fn problems(columns: &[Column]) -> Vec<ColumnProblem> {
                  between slashes, such as /chaser/truth",
             );
         }
-        if [TICK_TOPIC, CONTACTS_TOPIC, EVENTS_TOPIC].contains(&c.topic.as_str()) {
+        if OWN_TOPICS.contains(&c.topic.as_str()) {
             push(&c.topic, "this topic is written by the recorder itself; choose another");
         }
     }

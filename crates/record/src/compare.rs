@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use serde::Serialize;
 
 use crate::column::{Column, ColumnKind};
-use crate::reader::TickRecord;
+use crate::tick::TickRecord;
 use crate::{RecordError, RunReader};
 
 /// Which instants of two recordings are compared with each other.

@@ -38,12 +38,77 @@ pub(crate) struct Container<W> {
 struct SummaryParts {
     schemas: Vec<u8>,
     channels: Vec<u8>,
-    chunk_indexes: Vec<u8>,
+    chunk_notes: Vec<ChunkNote>,
+    /// Offset of the first chunk.
+    chunks_at: u64,
     metadata_indexes: Vec<u8>,
-    chunks: u32,
     metadata: u32,
     messages: Vec<u64>,
     bounds: Option<(u64, u64)>,
+}
+
+/// What the index of a chunk is made of at the end; some forty bytes, so that a long run needs little.
+struct ChunkNote {
+    /// Earliest and latest time, ns.
+    bounds: (u64, u64),
+    /// Of the whole record, bytes.
+    length: u64,
+    uncompressed: u64,
+    /// Numbers of messages by channel: how many channels in a row have how many.
+    counts: Box<[(u16, u16)]>,
+}
+
+/// Of a chunk record beside its compressed content: opcode and length, times, size, checksum, `zstd`,
+/// length of the content.
+const CHUNK_OVERHEAD: u64 = 9 + 8 + 8 + 8 + 4 + 8 + 8;
+
+/// Length of the record that holds the index of so many messages of one channel.
+const fn message_index_length(messages: u16) -> u64 {
+    9 + 2 + 4 + 16 * messages as u64
+}
+
+impl ChunkNote {
+    /// Channel and number of messages, of those that have any.
+    fn messages(&self) -> impl Iterator<Item = (u16, u16)> + '_ {
+        let by_channel = self.counts.iter().flat_map(|(channels, n)| (0..*channels).map(|_| *n));
+        (1u16..).zip(by_channel).filter(|(_, n)| *n > 0)
+    }
+
+    /// The index record of the chunk at `at`, and where the next one begins.
+    fn index(&self, at: u64, out: &mut Vec<u8>) -> u64 {
+        let indexes_at = at + self.length;
+        let mut end = indexes_at;
+        out.record(op::CHUNK_INDEX, |b| {
+            b.u64(self.bounds.0);
+            b.u64(self.bounds.1);
+            b.u64(at);
+            b.u64(self.length);
+            b.sized(|b| {
+                for (id, n) in self.messages() {
+                    b.u16(id);
+                    b.u64(end);
+                    end += message_index_length(n);
+                }
+            });
+            b.u64(end - indexes_at);
+            b.text("zstd");
+            b.u64(self.length - CHUNK_OVERHEAD);
+            b.u64(self.uncompressed);
+        });
+        end
+    }
+}
+
+/// Neighbours with the same number, counted.
+fn run_lengths(numbers: impl Iterator<Item = u16>) -> Box<[(u16, u16)]> {
+    let mut out: Vec<(u16, u16)> = Vec::new();
+    for n in numbers {
+        match out.last_mut() {
+            Some((count, same)) if *same == n => *count += 1,
+            _ => out.push((1, n)),
+        }
+    }
+    out.into_boxed_slice()
 }
 
 /// Appends MCAP's little-endian values.
@@ -221,7 +286,7 @@ impl<W: Write> Container<W> {
         compressed.clear();
         compressed.reserve(zstd::zstd_safe::compress_bound(self.chunk.len()));
         self.compressor.compress_to_buffer(&self.chunk, &mut compressed)?;
-        let (chunk_at, chunk_len) = self.record(op::CHUNK, |b| {
+        let (at, length) = self.record(op::CHUNK, |b| {
             b.u64(first);
             b.u64(last);
             b.u64(uncompressed);
@@ -231,11 +296,14 @@ impl<W: Write> Container<W> {
             b.extend_from_slice(&compressed);
         });
 
-        let indexes_at = self.at;
         let mut index = core::mem::take(&mut self.index);
-        let mut offsets = Vec::new();
+        // A chunk has far fewer messages than 65 535 a channel.
+        let count = |e: &Vec<(u64, u64)>| u16::try_from(e.len()).unwrap_or(u16::MAX);
+        let counts = run_lengths(index.iter().map(count));
+        let mut empty = true;
         for (id, entries) in (1u16..).zip(&mut index).filter(|(_, e)| !e.is_empty()) {
-            let (offset, _) = self.record(op::MESSAGE_INDEX, |b| {
+            empty = false;
+            self.record(op::MESSAGE_INDEX, |b| {
                 b.u16(id);
                 b.sized(|b| {
                     for (time, offset) in entries.drain(..) {
@@ -244,31 +312,16 @@ impl<W: Write> Container<W> {
                     }
                 });
             });
-            offsets.push((id, offset));
         }
-        let indexes_len = self.at - indexes_at;
-
         // A run without messages has one chunk, of channels alone, which has no time.
-        if !offsets.is_empty() {
+        if !empty {
             self.summary.bounds = Some(widen(self.summary.bounds, (first, last)));
         }
-        self.summary.chunks += 1;
-        self.summary.chunk_indexes.record(op::CHUNK_INDEX, |b| {
-            b.u64(first);
-            b.u64(last);
-            b.u64(chunk_at);
-            b.u64(chunk_len);
-            b.sized(|b| {
-                for (id, offset) in &offsets {
-                    b.u16(*id);
-                    b.u64(*offset);
-                }
-            });
-            b.u64(indexes_len);
-            b.text("zstd");
-            b.u64(compressed.len() as u64);
-            b.u64(uncompressed);
-        });
+        if self.summary.chunk_notes.is_empty() {
+            self.summary.chunks_at = at;
+        }
+        let note = ChunkNote { bounds: (first, last), length, uncompressed, counts };
+        self.summary.chunk_notes.push(note);
         self.chunk.clear();
         self.index = index;
         self.compressed = compressed;
@@ -292,7 +345,7 @@ impl<W: Write> Container<W> {
             b.u32(u32::try_from(channels).unwrap_or(u32::MAX));
             b.u32(0);
             b.u32(parts.metadata);
-            b.u32(parts.chunks);
+            b.u32(u32::try_from(parts.chunk_notes.len()).unwrap_or(u32::MAX));
             b.u64(first);
             b.u64(last);
             b.sized(|b| {
@@ -302,12 +355,18 @@ impl<W: Write> Container<W> {
                 }
             });
         });
+        // One chunk follows the other, each with the indexes of its messages behind it.
+        let mut chunk_indexes = Vec::new();
+        let mut at = parts.chunks_at;
+        for note in &parts.chunk_notes {
+            at = note.index(at, &mut chunk_indexes);
+        }
         let mut groups = Vec::new();
         for (opcode, bytes) in [
             (op::SCHEMA, &parts.schemas),
             (op::CHANNEL, &parts.channels),
             (op::STATISTICS, &statistics),
-            (op::CHUNK_INDEX, &parts.chunk_indexes),
+            (op::CHUNK_INDEX, &chunk_indexes),
             (op::METADATA_INDEX, &parts.metadata_indexes),
         ] {
             if !bytes.is_empty() {

@@ -3,7 +3,7 @@ use core::fmt;
 use docktwin_core::{SimTime, Tick};
 
 use crate::column::{Column, ContactRow};
-use crate::reader::TickRecord;
+use crate::tick::TickRecord;
 use crate::{RecordError, RunReader};
 
 /// Where two recordings first differ.

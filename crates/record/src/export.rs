@@ -9,7 +9,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
 use crate::column::{Cell, Column, ColumnKind, ContactRow};
-use crate::reader::Cut;
+use crate::flaw::Cut;
 use crate::{RecordError, RunReader};
 
 /// What of a recording is exported.

@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use crate::chain::{EventChain, Link, parse_digest};
 use crate::column::{Cell, Column, ColumnKind, ContactRow};
 
 /// CDR's encapsulation header: plain CDR, little-endian.
@@ -137,6 +138,13 @@ pub(crate) const CONTACTS_SCHEMA: (&str, &str) = (
      float64[3] friction_w_n\n",
 );
 
+pub(crate) const DIGEST_SCHEMA: (&str, &str) = (
+    "docktwin_msgs/msg/RecordDigest",
+    "# Chained digest of the rows since the last such message, and of all events so far.\n\
+     uint64 first_tick\nuint64 tick\nuint64 ticks\nuint64 events\n\
+     string before\nstring after\nstring events_digest\n",
+);
+
 /// Writes CDR values one after the other.
 struct CdrWriter<'a>(&'a mut Vec<u8>);
 
@@ -230,6 +238,23 @@ pub(crate) fn decode_event(data: &[u8]) -> Option<crate::Event> {
     (r.at == data.len()).then_some(crate::Event { tick, time_s, kind, text, body })
 }
 
+pub(crate) fn encode_link(l: &Link, buf: &mut Vec<u8>) {
+    let mut w = CdrWriter::new(buf);
+    for n in [l.first_tick, l.last_tick, l.ticks, l.events.count] {
+        w.put(n.to_le_bytes());
+    }
+    [l.before, l.after, l.events.digest].into_iter().for_each(|d| w.string(&d.to_string()));
+}
+
+pub(crate) fn decode_link(data: &[u8]) -> Option<Link> {
+    let mut r = CdrReader::new(data)?;
+    let (first_tick, last_tick, ticks, count) = (r.u64()?, r.u64()?, r.u64()?, r.u64()?);
+    let mut digest = || parse_digest(r.string()?);
+    let (before, after, digest) = (digest()?, digest()?, digest()?);
+    let events = EventChain { count, digest };
+    (r.at == data.len()).then_some(Link { first_tick, last_tick, ticks, before, after, events })
+}
+
 pub(crate) fn encode_contacts(tick: u64, contacts: &[ContactRow], buf: &mut Vec<u8>) {
     let mut w = CdrWriter::new(buf);
     w.put(tick.to_le_bytes());
@@ -303,6 +328,23 @@ mod tests {
         encode_event(&e, &mut buf);
         assert_eq!(decode_event(&buf), Some(e));
         assert!((0..buf.len()).all(|n| decode_event(&buf[..n]).is_none()));
+    }
+
+    #[test]
+    fn invariant_a_digest_comes_back_and_a_cut_one_is_refused() {
+        let digest = |n: u8| docktwin_core::Digest([n; 16]);
+        let link = Link {
+            first_tick: 50,
+            last_tick: 99,
+            ticks: 50,
+            before: digest(1),
+            after: digest(0xab),
+            events: EventChain { count: 3, digest: digest(7) },
+        };
+        let mut buf = Vec::new();
+        encode_link(&link, &mut buf);
+        assert_eq!(decode_link(&buf), Some(link));
+        assert!((0..buf.len()).all(|n| decode_link(&buf[..n]).is_none()));
     }
 
     #[test]

@@ -4,11 +4,14 @@
 //!
 //! | file | written by | content |
 //! | --- | --- | --- |
-//! | `run.mcap` | [`RunWriter`] | every tick: columns, contacts, events; readable after a crash |
+//! | `run.mcap` | [`RunWriter`] | every tick: columns, contacts, events, and their chained digests; readable after a crash |
 //! | `telemetry.parquet` | [`RunWriter`] | the same columns, one row a tick; complete only after `finish` |
 //! | `events.jsonl` | [`RunWriter`] | one [`Event`] a line |
 //! | `scenario.toml` | [`RunWriter::scenario_toml`] | the scenario as it ran |
 //! | `summary.json` | [`RunWriter::finish`] | [`Summary`] |
+//!
+//! Rows, events, the summary and the files kept with a run have digests ([`RunReader::cut`] tells what does not
+//! fit, [`Flaw`] of which kind it is): rows that do not fit theirs are not handed out.
 //!
 //! Every number is kept bit for bit, NaN payloads and −0.0 included, so that a replay can be
 //! compared with its recording tick by tick ([`first_difference`]).
@@ -25,8 +28,8 @@
 //! # let dir = tempfile::tempdir().unwrap();
 //! # let dir = dir.path().join("run");
 //! let columns = vec![Column::f64("/loads", "force_x_n"), Column::u64("/latches", "phase")];
-//! let mut run = RunWriter::create(&dir, columns, Vec::new(), &BTreeMap::new(), Policy::Block)?;
-//! for n in 0..3 {
+//! let mut run = RunWriter::create(&dir, columns, Vec::new(), &BTreeMap::new(), Policy::Wait)?;
+//! for n in 0..3u32 {
 //!     let row = [Cell::from(f64::from(n) * 100.0), Cell::from(u64::from(n))];
 //!     run.tick(Tick(n.into()), SimTime::of_tick(Tick(n.into()), 1_000_000), &row, &[])?;
 //! }
@@ -43,7 +46,10 @@
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 
+mod assembly;
 mod bounded;
+mod chain;
+mod check;
 mod column;
 mod compare;
 mod container;
@@ -51,17 +57,24 @@ mod diff;
 mod error;
 mod event;
 mod export;
+mod flaw;
 mod import;
+mod keys;
 mod layout;
 mod log;
+mod paths;
 mod reader;
 mod recover;
+mod scan;
 mod summary;
 mod table;
+mod table_check;
+mod tick;
 mod writer;
 
 use std::collections::BTreeMap;
 
+pub use check::{KEPT_KEY, SummaryFile, read_summary};
 pub use column::{Cell, Column, ColumnKind, ColumnProblem, ContactRow};
 pub use compare::{
     Align, ColumnComparison, CompareOptions, Comparison, StateComparison, Tolerance, compare,
@@ -71,15 +84,17 @@ pub use diff::{Difference, first_difference, first_difference_except};
 pub use error::RecordError;
 pub use event::Event;
 pub use export::{Exported, Selection, export_csv, export_mat};
+pub use flaw::{Cut, Flaw, Hole};
 pub use import::read_table;
 #[doc(hidden)]
 pub use reader::flip_bit;
-pub use reader::{Cut, RunReader, TickRecord, Ticks, rebuild_parquet};
+pub use reader::{RunReader, Ticks, rebuild_parquet};
 pub use recover::{Recovered, recover};
 pub use summary::{
     Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
     SafetySummary, StepUs, Summary, Verdict,
 };
+pub use tick::TickRecord;
 pub use writer::{Policy, RunWriter};
 
 /// Version of the layout of `run.mcap`; a reader refuses a newer one.

@@ -3,20 +3,17 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use crate::column::{CONTACTS_TOPIC, Cell, Column, ContactRow, EVENTS_TOPIC, TICK_TOPIC};
+use crate::chain::{EventChain, Link, RowChain};
+use crate::column::{
+    CONTACTS_TOPIC, Cell, Column, ContactRow, DIGEST_TOPIC, EVENTS_TOPIC, TICK_TOPIC,
+};
 use crate::container::Container;
+use crate::keys::{
+    DIGEST_KEY, DIGEST_KIND, METADATA, METADATA_COLUMNS, METADATA_PAIRS, SCHEMA_KEY,
+};
 use crate::layout::{self, Topic};
 use crate::{Event, RECORD_SCHEMA};
-use docktwin_core::{SimTime, Tick};
-
-pub(crate) const METADATA: &str = "docktwin";
-pub(crate) const METADATA_COLUMNS: &str = "docktwin.columns";
-pub(crate) const METADATA_PAIRS: &str = "docktwin.pairs";
-pub(crate) const SCHEMA_KEY: &str = "docktwin_record_schema";
-/// Why a log was written anew.
-pub(crate) const RECOVERED_KEY: &str = "recovered";
-/// Wall clock at the start of the recording, ns since 1970.
-pub(crate) const STARTED_KEY: &str = "started_unix_ns";
+use docktwin_core::{Digest, SimTime, Tick};
 
 /// Writes ticks into chunks, which hold whole ticks only.
 pub(crate) struct McapLog<W> {
@@ -31,6 +28,20 @@ pub(crate) struct McapLog<W> {
     contacts_shown: bool,
     /// Wall clock of the last tick, ns since 1970.
     wall: Option<u64>,
+    digest_channel: u16,
+    rows: RowChain,
+    events: EventChain,
+    /// What the next digest is about.
+    link: Link,
+    /// Time of the last tick, ns.
+    nanos: u64,
+}
+
+/// Digests at the end of a log.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LogDigests {
+    pub(crate) rows: Digest,
+    pub(crate) events: Digest,
 }
 
 impl<W: Write> McapLog<W> {
@@ -43,6 +54,7 @@ impl<W: Write> McapLog<W> {
         let mut c = Container::new(out)?;
         let mut run = metadata.clone();
         run.insert(SCHEMA_KEY.into(), RECORD_SCHEMA.to_string());
+        run.insert(DIGEST_KEY.into(), DIGEST_KIND.into());
         let numbered = |items: &mut dyn Iterator<Item = String>| {
             items.enumerate().map(|(i, s)| (format!("{i:05}"), s)).collect()
         };
@@ -55,6 +67,7 @@ impl<W: Write> McapLog<W> {
         let tick_channel = own(TICK_TOPIC, layout::TICK_SCHEMA);
         let contacts_channel = own(CONTACTS_TOPIC, layout::CONTACTS_SCHEMA);
         let events_channel = own(EVENTS_TOPIC, layout::EVENT_SCHEMA);
+        let digest_channel = own(DIGEST_TOPIC, layout::DIGEST_SCHEMA);
         let topics = layout::topics(columns)
             .into_iter()
             .map(|t| (c.channel(&t.topic, &t.schema_name, &t.schema), t))
@@ -62,6 +75,8 @@ impl<W: Write> McapLog<W> {
         // The head can be read at once. The channels wait in the first chunk: tools stumble over
         // chunks without messages.
         c.write_out()?;
+        let rows = RowChain::begin(columns, pair_names, &run);
+        let link = next_link(&rows, EventChain::default());
         Ok(Self {
             container: c,
             topics,
@@ -72,6 +87,11 @@ impl<W: Write> McapLog<W> {
             open_ticks: 0,
             contacts_shown: false,
             wall: None,
+            digest_channel,
+            rows,
+            events: EventChain::default(),
+            link,
+            nanos: 0,
         })
     }
 
@@ -100,6 +120,13 @@ impl<W: Write> McapLog<W> {
             layout::encode_contacts(tick.0, contacts, buf);
             c.message(self.contacts_channel, sequence(tick.0), nanos, published, buf);
         }
+        if self.link.ticks == 0 {
+            self.link.first_tick = tick.0;
+        }
+        self.link.last_tick = tick.0;
+        self.link.ticks += 1;
+        self.rows.add(tick, time, row, contacts);
+        self.nanos = nanos;
         self.open_ticks += 1;
     }
 
@@ -111,6 +138,7 @@ impl<W: Write> McapLog<W> {
         let published = self.wall.unwrap_or(nanos);
         let channel = self.events_channel;
         self.container.message(channel, sequence(e.tick), nanos, published, &self.buf);
+        self.events.add(&self.buf);
     }
 
     pub(crate) const fn open_ticks(&self) -> usize {
@@ -119,14 +147,35 @@ impl<W: Write> McapLog<W> {
 
     /// Ends the open chunk and hands it to the operating system.
     pub(crate) fn flush(&mut self) -> io::Result<()> {
+        self.end_link();
         self.open_ticks = 0;
         self.container.flush()
     }
 
-    /// Writes the index and the end mark.
-    pub(crate) fn finish(self) -> io::Result<()> {
-        self.container.finish()
+    /// Puts the digest of what the open chunk holds behind it.
+    fn end_link(&mut self) {
+        let link = Link { after: self.rows.digest(), events: self.events, ..self.link };
+        if link == self.link {
+            return;
+        }
+        layout::encode_link(&link, &mut self.buf);
+        let published = self.wall.unwrap_or(self.nanos);
+        let (channel, sequence) = (self.digest_channel, sequence(link.last_tick));
+        self.container.message(channel, sequence, self.nanos, published, &self.buf);
+        self.link = next_link(&self.rows, self.events);
     }
+
+    /// Writes the index and the end mark.
+    pub(crate) fn finish(mut self) -> io::Result<LogDigests> {
+        self.end_link();
+        self.container.finish()?;
+        Ok(LogDigests { rows: self.rows.digest(), events: self.events.digest })
+    }
+}
+
+const fn next_link(rows: &RowChain, events: EventChain) -> Link {
+    let (before, after) = (rows.digest(), rows.digest());
+    Link { first_tick: 0, last_tick: 0, ticks: 0, before, after, events }
 }
 
 /// The tick's low half; it wraps after 49 days of 1 ms ticks.

@@ -174,6 +174,9 @@ pub struct RecordingSummary {
     pub log_bytes: u64,
     /// Size of `telemetry.parquet`, bytes.
     pub table_bytes: u64,
+    /// Chained digest of all events of the log, hexadecimal; none in recordings before 0.2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub events_digest: Option<String>,
     /// Why the recording ends before the run, in one line; `ticks` then counts those that are
     /// safe, and at most one chunk more can be read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -254,6 +257,13 @@ pub struct Summary {
     /// Give `None`: [`crate::RunWriter::finish`] fills it in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingSummary>,
+    /// Chained digest of all rows of the log, hexadecimal. Give `None`: [`crate::RunWriter::finish`] fills it
+    /// in; none in recordings before 0.2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record_digest: Option<String>,
+    /// Digest of all other keys, hexadecimal. Give `None`, as above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub summary_digest: Option<String>,
 }
 
 impl Summary {

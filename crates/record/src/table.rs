@@ -9,18 +9,23 @@ use parquet::basic::{
 };
 use parquet::data_type::{BoolType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{EnabledStatistics, WriterProperties};
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::{ColumnPath, Type};
+use parquet::file::metadata::{
+    FileMetaData, KeyValue, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData,
+};
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
+use parquet::file::writer::{SerializedRowGroupWriter, TrackedWrite};
+use parquet::schema::types::{ColumnPath, SchemaDescPtr, SchemaDescriptor, Type};
 
 use crate::RECORD_SCHEMA;
 use crate::column::{Cell, Column, ColumnKind, OWN_COLUMNS};
-use crate::log::SCHEMA_KEY;
+use crate::keys::SCHEMA_KEY;
 use docktwin_core::{SimTime, Tick};
 
-/// Rows of a row group: 4 s of 1 ms ticks.
-pub(crate) const GROUP_ROWS: usize = 4096;
+/// Begin and end of a Parquet file.
+const MAGIC: [u8; 4] = *b"PAR1";
+
+/// Rows of a row group: 8 s of 1 ms ticks.
+pub(crate) const GROUP_ROWS: usize = 8192;
 
 /// Rows that wait to become a row group.
 pub(crate) struct Block {
@@ -56,8 +61,22 @@ impl Block {
     }
 }
 
+/// What the footer has to know of a row group beyond what all have in common, as small as it can be: all
+/// groups are kept to the end of the run. The writer of the library keeps half a kilobyte a column.
+struct GroupNote {
+    offset: i64,
+    rows: i64,
+    /// Bytes of every column, compressed and not.
+    columns: Box<[(u32, u32)]>,
+}
+
 pub(crate) struct Table<W: Write + Send> {
-    writer: SerializedFileWriter<W>,
+    out: TrackedWrite<W>,
+    schema: SchemaDescPtr,
+    props: WriterPropertiesPtr,
+    /// The first group, which all others resemble.
+    first: Option<RowGroupMetaData>,
+    groups: Vec<GroupNote>,
     kinds: Vec<ColumnKind>,
     floats: Vec<f64>,
     integers: Vec<i64>,
@@ -95,7 +114,9 @@ impl<W: Write + Send> Table<W> {
         let mut props = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::try_new(1)?))
             .set_dictionary_enabled(false)
-            .set_statistics_enabled(EnabledStatistics::Chunk)
+            // Nobody reads them.
+            .set_statistics_enabled(EnabledStatistics::None)
+            .set_offset_index_disabled(true)
             .set_key_value_metadata(Some(notes))
             .set_created_by(concat!("docktwin ", env!("CARGO_PKG_VERSION")).into());
         let mut schema = Vec::new();
@@ -108,8 +129,14 @@ impl<W: Write + Send> Table<W> {
             schema.push(field(name, kind)?);
         }
         let schema = Type::group_type_builder("docktwin").with_fields(schema).build()?;
+        let mut out = TrackedWrite::new(out);
+        out.write_all(&MAGIC)?;
         Ok(Self {
-            writer: SerializedFileWriter::new(out, Arc::new(schema), Arc::new(props.build()))?,
+            out,
+            schema: Arc::new(SchemaDescriptor::new(Arc::new(schema))),
+            props: Arc::new(props.build()),
+            first: None,
+            groups: Vec::new(),
             kinds: columns.iter().map(|c| c.kind).collect(),
             floats: Vec::new(),
             integers: Vec::new(),
@@ -124,7 +151,10 @@ impl<W: Write + Send> Table<W> {
         }
         let width = self.kinds.len();
         let own = [ColumnKind::U64, ColumnKind::F64];
-        let mut group = self.writer.next_row_group()?;
+        let ordinal = i16::try_from(self.groups.len())
+            .map_err(|_| ParquetError::General("more row groups than Parquet can number".into()))?;
+        let (schema, props) = (Arc::clone(&self.schema), Arc::clone(&self.props));
+        let mut group = SerializedRowGroupWriter::new(schema, props, &mut self.out, ordinal, None);
         let mut index = 0;
         while let Some(mut column) = group.next_column()? {
             let kind = if index < own.len() { own[index] } else { self.kinds[index - own.len()] };
@@ -159,13 +189,84 @@ impl<W: Write + Send> Table<W> {
             column.close()?;
             index += 1;
         }
-        group.close().map(|_| ())
+        let group = group.close()?;
+        self.groups.push(GroupNote::of(&group)?);
+        self.first.get_or_insert_with(|| (*group).clone());
+        Ok(())
     }
 
     /// Writes the footer, without which no Parquet file can be read.
     pub(crate) fn finish(mut self) -> Result<(), ParquetError> {
-        self.writer.finish()?;
-        self.writer.flush()?;
+        let mut groups = Vec::with_capacity(self.groups.len());
+        if let Some(first) = &self.first {
+            for (ordinal, note) in (0..).zip(&self.groups) {
+                groups.push(note.group(first, ordinal)?);
+            }
+        }
+        let file = FileMetaData::new(
+            self.props.writer_version().as_num(),
+            self.groups.iter().map(|g| g.rows).sum(),
+            Some(self.props.created_by().to_owned()),
+            self.props.key_value_metadata().cloned(),
+            Arc::clone(&self.schema),
+            None,
+        );
+        let footer = ParquetMetaData::new(file, groups);
+        // Not straight into the file: what is left in the library's buffer would be lost without a word.
+        let mut bytes = Vec::new();
+        ParquetMetaDataWriter::new(&mut bytes, &footer).finish()?;
+        self.out.write_all(&bytes)?;
+        self.out.flush()?;
         Ok(())
+    }
+}
+
+impl GroupNote {
+    fn of(group: &RowGroupMetaData) -> Result<Self, ParquetError> {
+        let size = |bytes: i64| {
+            u32::try_from(bytes)
+                .map_err(|_| ParquetError::General("a row group above 4 GiB".into()))
+        };
+        let columns = group.columns().iter();
+        let columns =
+            columns.map(|c| Ok((size(c.compressed_size())?, size(c.uncompressed_size())?)));
+        Ok(Self {
+            // Without dictionaries a column begins with its first page, right behind the one before.
+            offset: group.columns().first().map_or(0, |c| c.data_page_offset()),
+            rows: group.num_rows(),
+            columns: columns.collect::<Result<_, ParquetError>>()?,
+        })
+    }
+
+    /// The group in the words of the footer.
+    fn group(
+        &self,
+        like: &RowGroupMetaData,
+        ordinal: i16,
+    ) -> Result<RowGroupMetaData, ParquetError> {
+        let mut offset = self.offset;
+        let mut columns = Vec::with_capacity(self.columns.len());
+        for (c, &(compressed, uncompressed)) in like.columns().iter().zip(&self.columns) {
+            let column = c
+                .clone()
+                .into_builder()
+                .set_num_values(self.rows)
+                .set_total_compressed_size(compressed.into())
+                .set_total_uncompressed_size(uncompressed.into())
+                .set_data_page_offset(offset)
+                // Tells numbers of pages, which differ.
+                .clear_page_encoding_stats();
+            columns.push(column.build()?);
+            offset += i64::from(compressed);
+        }
+        let bytes = self.columns.iter().map(|&(_, b)| i64::from(b)).sum();
+        like.clone()
+            .into_builder()
+            .set_num_rows(self.rows)
+            .set_total_byte_size(bytes)
+            .set_file_offset(self.offset)
+            .set_ordinal(ordinal)
+            .set_column_metadata(columns)
+            .build()
     }
 }

@@ -21,8 +21,11 @@ use std::time::{Duration, Instant};
 
 use docktwin_core::{SimTime, Tick};
 
+use crate::check::own_digest;
 use crate::column::{self, Cell, Column, ContactRow};
-use crate::log::{McapLog, STARTED_KEY};
+use crate::keys::STARTED_KEY;
+use crate::log::{LogDigests, McapLog};
+use crate::paths::part_of;
 use crate::summary::{RecordingSummary, Summary};
 use crate::table::{Block, GROUP_ROWS, Table};
 use crate::{Event, RecordError, files};
@@ -125,6 +128,8 @@ pub struct RunWriter {
     wall: Option<(u64, Instant)>,
     /// Ticks that the operating system has.
     written: Arc<AtomicU64>,
+    /// Digests of the whole log, once it has its end mark.
+    digests: Arc<OnceLock<LogDigests>>,
     dropped_ticks: u64,
     dropped_events: u64,
 }
@@ -204,6 +209,7 @@ impl RunWriter {
 
         let fault = Fault::default();
         let written = Arc::new(AtomicU64::new(0));
+        let digests = Arc::new(OnceLock::new());
         let started = metadata.get(STARTED_KEY).and_then(|t| t.parse().ok());
         let slots = policy.slots();
         let (free_tx, free) = sync_channel(slots);
@@ -234,6 +240,7 @@ impl RunWriter {
             dirty_since: None,
             encoded: 0,
             written: Arc::clone(&written),
+            digests: Arc::clone(&digests),
         };
         let spawn = |name: &str, f: Box<dyn FnOnce() -> Result<(), RecordError> + Send>| {
             let fault = Arc::clone(&fault);
@@ -271,6 +278,7 @@ impl RunWriter {
             since_wake: 0,
             wall: started.map(|t| (t, Instant::now())),
             written,
+            digests,
             dropped_ticks: 0,
             dropped_events: 0,
         })
@@ -402,6 +410,7 @@ impl RunWriter {
     pub fn finish(mut self, summary: &Summary) -> Result<RecordingSummary, RecordError> {
         self.close();
         let size = |name| fs::metadata(self.dir.join(name)).map_or(0, |m| m.len());
+        let digests = self.digests.get();
         let recording = RecordingSummary {
             policy: self.policy.to_string(),
             ticks: self.written.load(Ordering::Acquire),
@@ -409,15 +418,23 @@ impl RunWriter {
             dropped_events: self.dropped_events,
             log_bytes: size(files::LOG),
             table_bytes: size(files::TABLE),
+            events_digest: digests.map(|d| d.events.to_string()),
             error: self.fault.get().map(ToString::to_string),
         };
-        let mut summary = Summary { recording: Some(recording.clone()), ..summary.clone() };
+        let mut summary = Summary {
+            recording: Some(recording.clone()),
+            record_digest: digests.map(|d| d.rows.to_string()),
+            summary_digest: None,
+            ..summary.clone()
+        };
         if let Some(why) = &recording.error {
             summary.degrade(why);
         }
         let path = self.dir.join(files::SUMMARY);
-        let text = serde_json::to_string_pretty(&summary)
-            .map_err(|e| RecordError::io("write the summary", &path, &e.into()))?;
+        let failed = |e: serde_json::Error| RecordError::io("write the summary", &path, &e.into());
+        let plain = serde_json::to_value(&summary).map_err(failed)?;
+        summary.summary_digest = Some(own_digest(&plain).to_string());
+        let text = serde_json::to_string_pretty(&summary).map_err(failed)?;
         // The result is worth trying for even where the recording failed.
         let written = replace_file(&self.dir, files::SUMMARY, &(text + "\n"));
         self.check_fault()?;
@@ -480,6 +497,7 @@ struct Encoder {
     /// Ticks handed to the log, and how many of them it has written.
     encoded: u64,
     written: Arc<AtomicU64>,
+    digests: Arc<OnceLock<LogDigests>>,
 }
 
 impl Encoder {
@@ -492,7 +510,11 @@ impl Encoder {
         ended?;
         // A last partial row group, then the end of the log.
         let _ = self.blocks.send(self.block);
-        self.log.finish().map_err(|e| RecordError::io("end the log", &self.log_path, &e))
+        let digests =
+            self.log.finish().map_err(|e| RecordError::io("end the log", &self.log_path, &e))?;
+        // Set once, here.
+        let _ = self.digests.set(digests);
+        Ok(())
     }
 
     fn work(&mut self) -> Result<(), RecordError> {
@@ -621,11 +643,6 @@ fn replace_file(dir: &Path, name: &str, text: &str) -> Result<(), RecordError> {
     };
     write().map_err(|e| RecordError::io("write a file of the recording", &path, &e))?;
     sync_dir(dir)
-}
-
-/// A file on its way to its name.
-pub(crate) fn part_of(dir: &Path, name: &str) -> PathBuf {
-    dir.join(format!(".{name}.part"))
 }
 
 /// Keeps room on the disk for the summary.

@@ -2,8 +2,8 @@
 //! every contact in words. And what studies found as tables, plots and words: [`study`].
 //!
 //! It reads a run directory as [`docktwin_record`] writes it and works on what is left of one: no
-//! summary, a cut log, missing models. The page says what is missing, and up to when it can be
-//! trusted. It refers to nothing outside itself and has no script.
+//! summary, a cut log, missing models. The page says first what is missing, and up to when it can be
+//! trusted; what is damaged, edited or of another run gives no verdict and no load. It refers to nothing outside itself and has no script.
 //!
 //! ```
 //! # let run = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -76,6 +76,8 @@ pub struct Written {
     pub bytes: u64,
     /// Why the run is incomplete, if it is.
     pub incomplete: Option<String>,
+    /// Whether log, summary and models are those that the run wrote, as far as they go.
+    pub as_recorded: bool,
 }
 
 /// Reads a run and writes its page; an existing page is replaced.
@@ -94,5 +96,7 @@ pub fn write(run: &Path, out: &Path) -> Result<Written, ReportError> {
         let _ = fs::remove_file(&half);
         return Err(failed(e));
     }
-    Ok(Written { path: out.into(), bytes: html.len() as u64, incomplete: run.incomplete })
+    let bytes = html.len() as u64;
+    let Run { incomplete, as_recorded, .. } = run;
+    Ok(Written { path: out.into(), bytes, incomplete, as_recorded })
 }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use docktwin_core::DVec3;
 use docktwin_model::MechanismLimits;
 use docktwin_record::{
-    Cell, ColumnKind, ContactRow, Event, RecordError, RunReader, SUMMARY_SCHEMA, Summary, files,
+    Cell, ColumnKind, ContactRow, Event, Flaw, RecordError, RunReader, Summary, SummaryFile, files,
+    read_summary,
 };
 use docktwin_scenario::{Scenario, load_scenario};
 
@@ -131,6 +132,9 @@ pub struct Run {
     pub contacts: Vec<Contact>,
     /// Why the run is incomplete and up to when it is readable; `None` for a whole one.
     pub incomplete: Option<String>,
+    /// Whether log, summary and models are those that the run wrote, as far as they go: not edited, not
+    /// damaged, not of another run.
+    pub as_recorded: bool,
     /// What else could not be read, and what the page lacks for it.
     pub notes: Vec<String>,
     /// Time of every tick, s.
@@ -154,7 +158,7 @@ impl Run {
     /// Neither log, summary nor events can be read, or the disk fails.
     pub fn read(dir: &Path) -> Result<Self, ReportError> {
         let mut notes = Vec::new();
-        let summary = read_summary(dir, &mut notes);
+        let (summary, summary_right) = own_summary(dir, &mut notes);
         let events = read_events(dir, &mut notes);
         let reader = RunReader::open(dir);
         let sizes = [files::LOG, files::TABLE, files::EVENTS, "run.rrd"]
@@ -175,6 +179,7 @@ impl Run {
             pairs: Vec::new(),
             contacts: Vec::new(),
             incomplete: None,
+            as_recorded: true,
             notes,
             time_s: Vec::new(),
             columns: BTreeMap::new(),
@@ -186,6 +191,7 @@ impl Run {
             moments: Vec::new(),
             sizes,
         };
+        run.as_recorded &= summary_right;
         match reader {
             Ok(reader) => run.read_log(reader)?,
             Err(e) => {
@@ -198,14 +204,19 @@ impl Run {
                     why_of(&e)
                 ));
                 run.no_pictures = Some("the log cannot be read".to_owned());
+                run.as_recorded = false;
             }
         }
         if run.summary.is_none() && run.incomplete.is_none() {
             let until = run.time_s.last().copied().unwrap_or(0.0);
-            run.incomplete = Some(format!(
-                "There is no summary.json: the run did not come to its end. Its log is readable up \
-                 to {until:.3} s."
-            ));
+            run.incomplete = Some(if run.dir.join(files::SUMMARY).exists() {
+                format!("Its summary.json cannot be used. Its log is readable up to {until:.3} s.")
+            } else {
+                format!(
+                    "There is no summary.json: the run did not come to its end. Its log is readable up \
+                     to {until:.3} s."
+                )
+            });
         }
         Ok(run)
     }
@@ -213,22 +224,26 @@ impl Run {
     fn read_log(&mut self, mut reader: RunReader) -> Result<(), ReportError> {
         self.metadata = reader.metadata().clone();
         self.pairs = reader.pair_names().iter().map(|n| Pair::new(n)).collect();
+        let changed = reader.changed_files();
         self.read_scenario();
+        if !changed.is_empty() {
+            self.as_recorded = false;
+            (self.scenario, self.geometry) = (None, None);
+            self.no_pictures
+                .get_or_insert("scenario.toml or its models are not those of the run".into());
+            self.notes.extend(
+                changed
+                    .iter()
+                    .map(|why| format!("{why}; expectation, limits and pictures are left out.")),
+            );
+        }
         let bodies = BodyColumns::find(&reader);
         if bodies.is_none() && self.no_pictures.is_none() {
             self.no_pictures = Some("the record has no motion of the bodies".to_owned());
         }
         let at = Places::find(&reader);
         let mismatch_m = self.read_ticks(&mut reader, bodies.as_ref(), &at)?;
-        if let Some(cut) = reader.cut() {
-            let until =
-                self.time_s.last().map_or("nothing".to_owned(), |t| format!("up to {t:.3} s"));
-            self.incomplete = Some(format!(
-                "The log stops before its end mark ({}). Readable: {until}; everything below is \
-                 about that part.",
-                cut.why
-            ));
-        }
+        self.judge_log(&reader);
         if mismatch_m > MISMATCH_M {
             self.geometry = None;
             self.no_pictures = Some(format!(
@@ -239,6 +254,43 @@ impl Run {
         }
         self.snapshots(&mut reader, bodies.as_ref(), &at)?;
         Ok(())
+    }
+
+    /// What the log says of itself once it is read, and whether the other files belong to it.
+    fn judge_log(&mut self, reader: &RunReader) {
+        if self.summary.is_some()
+            && let Some(problem) = reader.summary_problem()
+        {
+            self.as_recorded = false;
+            self.summary = None;
+            self.notes.push(format!("{problem}. It is left out, so there is no verdict."));
+        }
+        let Some(cut) = reader.cut() else {
+            if reader.logged_events() != self.events
+                && (!reader.logged_events().is_empty()
+                    || reader.metadata().contains_key("record_digest"))
+            {
+                self.notes
+                    .push("events.jsonl is not what the log has; the events are the log's.".into());
+                self.events = reader.logged_events().to_vec();
+            }
+            return;
+        };
+        // A largest value is one of all ticks or none.
+        self.loads = None;
+        self.as_recorded &= cut.merely_ends();
+        let until = self.time_s.last().map_or("nothing".to_owned(), |t| format!("up to {t:.3} s"));
+        let part = format!("Readable: {until}; everything below is about that part.");
+        self.incomplete = Some(match cut.flaw {
+            Flaw::Ends => format!("The log stops before its end mark ({}). {part}", cut.why),
+            Flaw::Damaged => format!(
+                "The log is damaged ({}). {part} Behind the damage it can be read again: `docktwin \
+                 recover` goes on there.",
+                cut.why
+            ),
+            Flaw::Edited => format!("The log is not what was recorded ({}). {part}", cut.why),
+            Flaw::Foreign | Flaw::Recovered => format!("{}.", cut.why),
+        });
     }
 
     /// First pass: every tick. Gives how far the ports are from where the models put them, m.
@@ -252,6 +304,7 @@ impl Run {
         let kinds: Vec<usize> = self.pairs.iter().map(Pair::kind).collect();
         let mut collector = Collector::new(self.pairs.len(), self.tick_s());
         let mut loads = at.port4.map(|_| Loads::default());
+        let mut loaded_ticks = 0u64;
         let offset = self.geometry.as_ref().map_or(0.0, |g| g.mechanism.passive_ring_offset_m);
         let mut mismatch: f64 = 0.0;
         while let Some(tick) = reader.next_tick()? {
@@ -275,13 +328,15 @@ impl Run {
                 out.push(sum as f32);
             }
             if let (Some(l), Some((f, m))) = (&mut loads, at.port4(&tick.row)) {
+                loaded_ticks += 1;
                 // Moment about the centre of the passive ring, which lies at −offset on X4.
                 l.see(f, m - (DVec3::X * -offset).cross(f), t);
             }
         }
         self.columns = curves.named();
         self.contacts = collector.finish();
-        self.loads = loads;
+        // From where nothing was read nothing is said, and no zero.
+        self.loads = loads.filter(|_| loaded_ticks > 0);
         Ok(mismatch)
     }
 
@@ -491,24 +546,25 @@ fn why_of(e: &RecordError) -> String {
     }
 }
 
-fn read_summary(dir: &Path, notes: &mut Vec<String>) -> Option<Summary> {
-    let text = fs::read_to_string(dir.join(files::SUMMARY)).ok()?;
-    let said = serde_json::from_str::<serde_json::Value>(&text).and_then(|v| {
-        let schema = v["schema_version"].as_u64().unwrap_or(0);
-        serde_json::from_value::<Summary>(v).map(|s| (schema, s))
-    });
-    match said {
-        Ok((schema, s)) if schema <= u64::from(SUMMARY_SCHEMA) => Some(s),
-        Ok((schema, _)) => {
+/// The summary, and false where there is one that is not what the run wrote.
+fn own_summary(dir: &Path, notes: &mut Vec<String>) -> (Option<Summary>, bool) {
+    match read_summary(dir) {
+        Ok(None) => (None, true),
+        Ok(Some(SummaryFile { summary, damage: None })) => (Some(summary), true),
+        Ok(Some(SummaryFile { damage: Some(why), .. })) => {
+            notes.push(format!("{why}. It is left out, so there is no verdict."));
+            (None, false)
+        }
+        Err(RecordError::Newer { found, supported, .. }) => {
             notes.push(format!(
-                "summary.json has schema {schema}, this docktwin reads up to {SUMMARY_SCHEMA}; it is \
-                 left out."
+                "summary.json has schema {found}, this docktwin reads up to {supported}; it is left \
+                 out."
             ));
-            None
+            (None, true)
         }
         Err(e) => {
-            notes.push(format!("summary.json is damaged and left out ({e})."));
-            None
+            notes.push(format!("summary.json is damaged and left out ({}).", why_of(&e)));
+            (None, false)
         }
     }
 }

@@ -79,11 +79,18 @@ fn head(run: &Run) -> Markup {
             h1 { (scenario_name(run)) }
             @if let Some(s) = &run.scenario { p.lead { (s.description) } }
             @if let Some(why) = &run.incomplete {
-                p.warning { strong { "This run is incomplete. " } (why) }
+                p.warning {
+                    strong { @if run.as_recorded { "This run is incomplete. " } @else { "This is not what was recorded. " } }
+                    (why)
+                }
             }
             @for note in &run.notes { p.note { (note) } }
-            section class=(format!("verdict {}", run.summary.as_ref().map_or(String::new(), |s| s.verdict.to_string()))) {
+            section class=(format!("verdict {}", verdict_class(run))) {
                 @match &run.summary {
+                    Some(s) if !shown_by_log(run) => {
+                        p.stamp { span.badge { "not checked" } strong { (s.outcome.to_string().replace('_', " ")) } }
+                        p { "So says summary.json, written when the run ended; the log that would show it is not whole." }
+                    }
                     Some(s) => {
                         p.stamp {
                             span.badge {
@@ -119,6 +126,16 @@ fn head(run: &Run) -> Markup {
     }
 }
 
+/// Whether the log shows what the summary says.
+fn shown_by_log(run: &Run) -> bool {
+    run.incomplete.is_none() && run.as_recorded
+}
+
+fn verdict_class(run: &Run) -> String {
+    let summary = run.summary.as_ref().filter(|_| shown_by_log(run));
+    summary.map_or(String::new(), |s| s.verdict.to_string())
+}
+
 fn sentence(text: &str) -> String {
     let t = text.trim();
     if t.ends_with(['.', ']', '!']) { t.to_owned() } else { format!("{t}.") }
@@ -126,6 +143,9 @@ fn sentence(text: &str) -> String {
 
 /// What is known of a run without summary.
 fn so_far(run: &Run) -> String {
+    if run.time_s.is_empty() && run.events.is_empty() {
+        return "Nothing of it was read.".to_owned();
+    }
     let mut out = Vec::new();
     match run.first_contact_s() {
         Some(t) => out.push(format!("First contact at {}", words::at(t))),
@@ -172,7 +192,10 @@ fn summary(run: &Run) -> Markup {
                         @if let Some(c) = run.strongest() {
                             (row("strongest contact", strongest(run, c)))
                         }
-                        (row("recorded", format!("{} s", words::three(run.end_s()))))
+                        (row("recorded", if run.time_s.is_empty() { "not read".to_owned() } else { format!("{} s", words::three(run.end_s())) }))
+                    }
+                    @if run.summary.is_some() && !shown_by_log(run) {
+                        p.small { "Times, largest values and impulse are those of summary.json; what is left of the log does not show them all." }
                     }
                 }
                 (loads(run))
@@ -185,7 +208,7 @@ fn summary(run: &Run) -> Markup {
                         @if let Some(n) = meta("steps_per_tick") {
                             (row("step", step(run, &n)))
                         }
-                        (row("ticks", run.time_s.len().to_string()))
+                        (row("ticks read", run.time_s.len().to_string()))
                         @if let Some(s) = &run.summary {
                             (row("computing time", format!("{} s", words::three(s.wall_s))))
                             (row("real-time factor", format!("{} ×", words::three(s.realtime_factor))))
@@ -228,7 +251,7 @@ fn strongest(run: &Run, c: &Contact) -> String {
 }
 
 fn loads(run: &Run) -> Markup {
-    let Some(l) = &run.loads else { return html! {} };
+    let Some(l) = &run.loads else { return no_loads(run) };
     let limits = run.limits();
     type Row = (&'static str, Largest, Option<f64>, &'static str, f64);
     let rows: [Row; 6] = [
@@ -264,6 +287,19 @@ fn loads(run: &Run) -> Markup {
                 @if limits.is_none() { "The model cannot be read, so its limits are not known. " }
                 "By ticks; moments about the ring's centre. The summary's figures are by steps and may be larger."
             }
+        }
+    }
+}
+
+/// Loads of what was read only in part would be too small.
+fn no_loads(run: &Run) -> Markup {
+    if run.incomplete.is_none() {
+        return html! {};
+    }
+    html! {
+        div.card {
+            h3 { "Loads on the passive ring" }
+            p { "Not read: the log is not whole, and the largest load may be where it was not read." }
         }
     }
 }
@@ -361,7 +397,7 @@ fn energy(run: &Run) -> Markup {
                     (row("brought in", format!("{} J", words::three(s.energy_in_j))))
                     (row("dissipated", format!("{} J", words::three(s.energy_dissipated_j))))
                 }
-                @for (name, key) in kinds.into_iter().filter(|k| !on_rig || k.1 == "kinetic" || k.1 == "work_in") {
+                @for (name, key) in kinds.into_iter().filter(|_| run.incomplete.is_none()).filter(|k| !on_rig || k.1 == "kinetic" || k.1 == "work_in") {
                     @if let Some(v) = last(key) { (row(name, format!("{} J", words::three(v)))) }
                 }
                 @if let Some(s) = &run.summary {
@@ -512,7 +548,7 @@ fn chronicle(run: &Run) -> Markup {
         section {
             h2 { "Contacts in words" }
             @if run.contacts.is_empty() {
-                p { @if run.time_s.is_empty() { "The record has no ticks." } @else { "Nothing touched." } }
+                p { @if run.time_s.is_empty() { "No tick was read." } @else if run.incomplete.is_some() { "Nothing touched in what was read." } @else { "Nothing touched." } }
             } @else {
                 p.small {
                     (words::count(run.contacts.len(), "contact", "contacts"))

@@ -47,6 +47,6 @@ pub use control::{Coasting, Control, Situation, TimedThrusts};
 pub use error::{RunError, SinkError};
 pub use hil_run::{HilOptions, HilRun, PERIOD_NS, RunningHil};
 pub use rehearsal::{Rehearsal, RehearsalOptions, RunningRehearsal, pair_names};
-pub use replay::{Difference, Replay, Replayed};
+pub use replay::{Difference, FigureDifference, Replay, Replayed};
 pub use sink::{Memory, RunDirectory, Signals, Sink, SummaryOnly};
 pub use twin::{AnyTwin, TickedTwin, TwinKind};

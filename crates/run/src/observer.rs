@@ -207,6 +207,8 @@ impl Observer {
             fidelity: None,
             safety: None,
             recording: None,
+            record_digest: None,
+            summary_digest: None,
         }
     }
 

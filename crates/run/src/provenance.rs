@@ -7,6 +7,7 @@ use std::{
     sync::Arc,
 };
 
+use docktwin_core::Digest;
 use docktwin_model::{FileDigest, input, named_meshes, sources::absolute};
 use docktwin_record::{RecordError, RunWriter};
 use docktwin_scenario::{Scenario, resolve_path_from};
@@ -88,6 +89,12 @@ impl ModelCopies {
         self.files.iter().try_for_each(|(path, bytes)| writer.keep_file(path, bytes))
     }
 
+    /// Path below the run directory and digest of each copy; one whose path is no text is left out.
+    pub fn digests(&self) -> impl Iterator<Item = (String, Digest)> {
+        let named = self.files.iter().filter(|(path, _)| path.to_str().is_some());
+        named.map(|(path, bytes)| (slashes(path), Digest::of_bytes(bytes)))
+    }
+
     /// The scenario with the copies in place of the originals.
     #[must_use]
     pub fn refer(&self, scenario: &str) -> String {
@@ -113,7 +120,7 @@ fn common_folder<'a>(files: impl Iterator<Item = &'a PathBuf>) -> PathBuf {
 }
 
 /// With `/` between names, as TOML files have it on every system.
-fn slashes(path: &Path) -> String {
+pub(crate) fn slashes(path: &Path) -> String {
     let parts: Vec<_> = path.iter().map(|p| p.to_string_lossy()).collect();
     parts.join("/")
 }

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, time::Instant as WallInstant};
 
-use docktwin_core::{SimTime, Tick};
+use docktwin_core::{SimTime, Tick, Wrench};
 use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_physics::{
     body::BodyState,
@@ -72,6 +72,8 @@ pub struct RehearsalOptions {
 pub struct Rehearsal<'a> {
     scenario: &'a Scenario,
     options: RehearsalOptions,
+    /// Physics steps in a tick.
+    steps: u32,
     system: System,
     bodies: [BodyState; 3],
 }
@@ -91,7 +93,18 @@ impl<'a> Rehearsal<'a> {
     /// The sides overlap at the start.
     pub fn with(scenario: &'a Scenario, options: RehearsalOptions) -> Result<Self, RunError> {
         let (system, bodies) = start(scenario)?;
-        Ok(Self { scenario, options, system, bodies })
+        let steps = options.twin.steps_per_tick(scenario);
+        Ok(Self { scenario, options, steps, system, bodies })
+    }
+
+    /// By the twin of a recording, in its steps.
+    pub(crate) fn as_recorded(
+        scenario: &'a Scenario,
+        twin: TwinKind,
+        steps: u32,
+    ) -> Result<Self, RunError> {
+        let options = RehearsalOptions { twin, seed: 0 };
+        Ok(Self { steps, ..Self::with(scenario, options)? })
     }
 
     /// Runs the scenario to its end.
@@ -149,9 +162,8 @@ impl<'a> Rehearsal<'a> {
     /// # Errors
     /// The sink cannot be begun.
     pub fn begin<S: Sink>(self, mut sink: S) -> Result<RunningRehearsal<'a, S>, RunError> {
-        let Self { scenario, options, system, bodies } = self;
+        let Self { scenario, options, steps, system, bodies } = self;
         let (columns, pair_names) = (columns(), pair_names(scenario));
-        let steps = options.twin.steps_per_tick(scenario);
         let metadata = metadata(scenario, options, steps);
         let tick_nanos = scenario.run.tick_nanos;
         let header = Header {
@@ -183,6 +195,13 @@ impl<'a> Rehearsal<'a> {
             lost: None,
         })
     }
+}
+
+/// A body whose control wrench is not finite. An engine may pass over one, and its state stays finite.
+fn not_finite_control(control: &Inputs) -> Option<&'static str> {
+    let finite = |w: &Wrench| w.f.is_finite() && w.m.is_finite();
+    let bodies = [("chaser", &control.chaser), ("target", &control.target)];
+    bodies.into_iter().find(|(_, w)| !finite(w)).map(|(name, _)| name)
 }
 
 /// A body whose state is not finite.
@@ -356,6 +375,13 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             wrenches = self.thrusts.wrenches(&situation);
             wrenches.chaser += control.chaser;
             wrenches.target += control.target;
+            if let Some(body) = not_finite_control(&wrenches) {
+                self.stop(&format!(
+                    "the control wrench of the {body} is not finite in tick {}: look at what controls it",
+                    self.tick
+                ));
+                wrenches = Inputs::default();
+            }
         }
         self.record(&situation, &wrenches);
         if self.last {
@@ -376,6 +402,24 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             ));
             self.ended = true;
         }
+    }
+
+    /// The tick to come as it was recorded: `control` is all that acts, the scenario's thrusts included.
+    pub(crate) fn record_as_recorded(&mut self, control: &Inputs) {
+        let situation = self.situation();
+        self.record(&situation, control);
+    }
+
+    /// On to the next tick under the control wrenches of this one.
+    pub(crate) fn step_as_recorded(&mut self, control: &Inputs) {
+        self.twin.tick(control);
+        self.tick += 1;
+        *self.now = self.twin.instant(self.time().seconds());
+    }
+
+    /// Where the run goes.
+    pub(crate) const fn sink_mut(&mut self) -> &mut S {
+        &mut self.sink
     }
 
     /// Observes the present instant and hands it to the sink.
@@ -439,5 +483,27 @@ impl<S: Sink> RunningRehearsal<'_, S> {
             summary.degrade(&e.to_string());
         }
         (summary, self.sink)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use docktwin_core::DVec3;
+    use docktwin_scenario::Loader;
+
+    use super::*;
+
+    #[test]
+    fn regress_a_body_that_is_not_finite_is_named() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let scenario = Loader::new().load(&path.join("apas_nominal.toml")).expect("a scenario");
+        let (system, bodies) = start(&scenario).expect("the sides are apart");
+        let twin = TickedTwin::new(TwinKind::Reduced, system, bodies, 1_000_000, 10);
+        let mut now = twin.instant(0.0);
+        assert_eq!(not_finite(&now), None);
+        for (i, name) in ["chaser", "docking ring", "target"].into_iter().enumerate().rev() {
+            now.state.bodies[i].v = DVec3::NAN;
+            assert_eq!(not_finite(&now), Some(name));
+        }
     }
 }

@@ -5,15 +5,17 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use docktwin_core::{SimTime, Tick};
+use docktwin_core::{Digest, SimTime, Tick};
 use docktwin_physics::reduced::Inputs;
-use docktwin_record::{Cell, Column, ContactRow, Event, Policy, RecordError, RunWriter, Summary};
+use docktwin_record::{
+    Cell, Column, ContactRow, Event, KEPT_KEY, Policy, RecordError, RunWriter, Summary, files,
+};
 use docktwin_scenario::Scenario;
 
 use crate::{
     control::Situation,
     error::SinkError,
-    provenance::{KeptFile, ModelCopies},
+    provenance::{KeptFile, ModelCopies, slashes},
 };
 
 mod memory;
@@ -281,14 +283,15 @@ impl Sink for RunDirectory {
         let models = ModelCopies::of(h.scenario)?;
         let policy = if h.real_time { Policy::DropNewest } else { Policy::Wait };
         let columns = h.columns.to_vec();
-        let writer =
-            RunWriter::create(&self.path, columns, h.pair_names.to_vec(), h.metadata, policy)?;
-        models.write(&writer)?;
-        h.kept.iter().try_for_each(|(path, bytes)| writer.keep_file(path, bytes))?;
         let mut scenario = models.refer(&h.scenario.as_run_toml());
         if let Some(rig) = h.rig {
             scenario = with_rig(&scenario, rig);
         }
+        let metadata = with_files(h, &models, &scenario);
+        let writer =
+            RunWriter::create(&self.path, columns, h.pair_names.to_vec(), &metadata, policy)?;
+        models.write(&writer)?;
+        h.kept.iter().try_for_each(|(path, bytes)| writer.keep_file(path, bytes))?;
         writer.scenario_toml(&scenario)?;
         self.writer = Some(writer);
         Ok(())
@@ -315,6 +318,17 @@ impl Sink for RunDirectory {
             }
         }
     }
+}
+
+/// The metadata with the digest of every file that is kept with the run, so that another one shows.
+fn with_files(h: &Header<'_>, models: &ModelCopies, scenario: &str) -> BTreeMap<String, String> {
+    let kept = h.kept.iter().filter(|(path, _)| path.to_str().is_some());
+    let kept = kept.map(|(path, bytes)| (slashes(path), Digest::of_bytes(bytes)));
+    let scenario = (files::SCENARIO.to_owned(), Digest::of_bytes(scenario.as_bytes()));
+    let all = models.digests().chain(kept).chain([scenario]);
+    let mut metadata = h.metadata.clone();
+    metadata.extend(all.map(|(path, digest)| (format!("{KEPT_KEY}{path}"), digest.to_string())));
+    metadata
 }
 
 /// The scenario with its rig named.

@@ -63,7 +63,8 @@ impl Scenario {
         let mut text = self.effective_toml.trim_end().to_owned();
         text.push_str("\n\n# Files of this run: digest and path\n");
         for file in &self.files {
-            text.push_str(&format!("# {} {}\n", file.digest, file.path.display()));
+            // A line feed in a name would end the comment.
+            text.push_str(&format!("# {} {}\n", file.digest, input::shown_path(&file.path)));
         }
         text
     }

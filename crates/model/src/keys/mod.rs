@@ -1,7 +1,7 @@
 //! Every key of the model files once: what may stand behind it, whether it must be there, what it means
 //! and why it is needed.
 //!
-//! The loaders read by these tables ([`crate::keys::read`]), `model explain` and `docs/models.md` show
+//! The loaders read by these tables (`keys::read`), `model explain` and `docs/models.md` show
 //! them: a range, a word or a unit stands nowhere else.
 //!
 //! ```

@@ -91,8 +91,10 @@ impl Sink for Rows {
         if self.columns.iter().any(|c| c.name == "loop_phase") {
             // The last ticks come to rest.
             assert!([3, 4].contains(&at("loop_phase").as_u64()));
-            // Enabled, with truth and accelerometers.
-            assert_eq!(at("rig_status").as_u64(), 1 | 1 << 7 | 1 << 9);
+            // Enabled, with accelerometers and truth.
+            assert_eq!(at("rig_status").as_u64(), 1);
+            let known = 1 << 14 | 1 << 21;
+            assert_eq!(at("rig_capabilities").as_u64() & known, known);
             assert!(at("measurement_fresh").as_bool());
             // In free flight an accelerometer reads the weight that it bears, along +X on the rig.
             let specific = at("plate_specific_force_x_m_s2").as_f64();

@@ -15,9 +15,8 @@ use docktwin_physics::reduced::Inputs;
 use docktwin_record::Summary;
 use docktwin_rigport::rig::Rig;
 
-pub(crate) use self::prepare::kept_name;
 pub use self::prepare::{HilOptions, HilRun};
-use self::recorder::HilRecorder;
+pub(crate) use self::{prepare::kept_name, recorder::HilRecorder};
 use crate::{
     control::{Control, Situation},
     error::RunError,

@@ -5,7 +5,7 @@ use std::time::Duration;
 use docktwin_control::safety::Trip;
 use docktwin_core::{SimTime, Tick};
 use docktwin_hil::scheduler::{Phase, TickRecord};
-use docktwin_physics::mechanism::System;
+use docktwin_physics::{mechanism::System, outcome::Judgement};
 use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_scenario::{ExpectedOutcome, Scenario};
 
@@ -27,7 +27,7 @@ use crate::{
 };
 
 /// Takes the ticks of a loop in, and makes the record and the summary of them.
-pub(super) struct HilRecorder<'a, S> {
+pub(crate) struct HilRecorder<'a, S> {
     scenario: &'a Scenario,
     system: System,
     seed: u64,
@@ -50,7 +50,7 @@ pub(super) struct HilRecorder<'a, S> {
 }
 
 impl<'a, S: Sink> HilRecorder<'a, S> {
-    pub(super) fn begin(run: &HilRun<'a>, mut sink: S, timed: bool) -> Result<Self, RunError> {
+    pub(crate) fn begin(run: &HilRun<'a>, mut sink: S, timed: bool) -> Result<Self, RunError> {
         let scenario = run.scenario;
         let (columns, pair_names) = (hil_columns(), pair_names(scenario));
         let metadata = run.metadata();
@@ -86,6 +86,11 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         })
     }
 
+    /// Where the run goes.
+    pub(crate) const fn sink_mut(&mut self) -> &mut S {
+        &mut self.sink
+    }
+
     fn time(&self, tick: u64) -> SimTime {
         SimTime::of_tick(Tick(tick), self.scenario.run.tick_nanos)
     }
@@ -97,7 +102,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
     }
 
     /// Takes a tick in; true when the run is to end.
-    pub(super) fn take(&mut self, r: &TickRecord) -> bool {
+    pub(crate) fn take(&mut self, r: &TickRecord) -> bool {
         let time = self.time(self.ticks);
         see(&mut self.situation, r);
         self.watch_loop(r);
@@ -190,8 +195,8 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
                 && monitor.decided(time_s, self.thrusts.ahead(&now)))
     }
 
-    /// Judges the run and closes the sink.
-    pub(super) fn finish(mut self, ended: &Ended, wall: Duration) -> (Summary, S) {
+    /// What follows from the ticks alone, whatever ended them.
+    pub(crate) fn judged(&self) -> (Summary, Judgement) {
         let last = self.ticks.saturating_sub(1);
         let time = self.time(last);
         let judgement = self.observer.monitor().judge(time.seconds());
@@ -199,10 +204,18 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let asked = Asked { scenario: &self.scenario.name, expect: &expect, seed: self.seed };
         let state = self.watcher.state();
         let mut summary = self.observer.summary(&asked, state, &judgement, last, time);
-        self.judge_end(&mut summary, ended, expect.outcome);
+        summary.fidelity = Some(self.meter.fidelity());
+        (summary, judgement)
+    }
+
+    /// Judges the run and closes the sink.
+    pub(super) fn finish(mut self, ended: &Ended, wall: Duration) -> (Summary, S) {
+        let last = self.ticks.saturating_sub(1);
+        let time = self.time(last);
+        let (mut summary, judgement) = self.judged();
+        self.judge_end(&mut summary, ended, self.scenario.expect.of_hil().outcome);
         summary.loop_ = Some(loop_summary(ended));
         summary.step_us = step_summary(ended);
-        summary.fidelity = Some(self.meter.fidelity());
         summary.safety = Some(safety_summary(ended));
         let mut reason = judgement.reason;
         if let (Some(by), None) = (ended.stopped, ended.end.trip) {

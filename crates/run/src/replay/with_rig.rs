@@ -6,10 +6,10 @@ use docktwin_hil::{
 };
 use docktwin_scenario::{CompensatorChoice, load_scenario};
 
-use super::{Replay, Replayed};
+use super::{Comparison, Replay, Replayed};
 use crate::{
     error::RunError,
-    hil_run::{HilOptions, HilRun, PERIOD_NS, kept_name},
+    hil_run::{HilOptions, HilRecorder, HilRun, PERIOD_NS, kept_name},
     provenance::same_files,
 };
 
@@ -64,6 +64,8 @@ pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), Ru
     {
         return Err(damaged(replay, "the rig is not the one of the recording"));
     }
+    replay.check_files()?;
+    let mut recorder = HilRecorder::begin(&prepared, Comparison::with(&replay.reader), false)?;
     let rig = prepared.emulated()?;
     let checks = prepared.checks(&mut ())?;
     let mut running = Loop::new(prepared.setup, rig, VirtualClock::new(PERIOD_NS))
@@ -71,22 +73,25 @@ pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), Ru
         .map_err(|e| damaged(replay, &e.to_string()))?
         .start();
     let mut next = replay.next()?;
-    while let Some(then) = next {
+    while let Some(then) = &next {
         if then.phase == Phase::Stop as u64 && running.phase() == Phase::Closed {
             running.end();
         }
         let r = running.tick(&then.control).map_err(|e| damaged(replay, &e.to_string()))?;
+        recorder.sink_mut().expect(then.whole.clone());
+        recorder.take(&r);
         // The way to the initial condition is not recorded.
-        if r.closed_tick.is_none() && found.ticks == 0 {
+        if !recorder.sink_mut().has_come() {
             continue;
         }
-        found.ticks += 1;
-        let now = r.digest().short();
-        if now != then.digest {
-            found.first_difference = Some(then.differs(now));
-            return Ok(());
+        if recorder.sink_mut().differs() {
+            break;
         }
         next = replay.next()?;
+    }
+    recorder.sink_mut().give(found);
+    if replay.all_compared(found) {
+        replay.compare_summary(&recorder.judged().0, found);
     }
     Ok(())
 }

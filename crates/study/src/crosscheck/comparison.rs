@@ -397,6 +397,8 @@ mod tests {
             fidelity: None,
             safety: None,
             recording: None,
+            record_digest: None,
+            summary_digest: None,
         }
     }
 

@@ -272,6 +272,8 @@ pub fn engine_summary(scenario: &Scenario, r: &EngineResult) -> Summary {
         fidelity: None,
         safety: None,
         recording: None,
+        record_digest: None,
+        summary_digest: None,
     }
 }
 

@@ -1,0 +1,56 @@
+//! The figures of a summary that follow from the ticks.
+
+use docktwin_record::{Outcome, Summary};
+
+use super::FigureDifference;
+
+/// A figure by its key, as text; numbers with all their digits, so that equal means the same bits.
+fn figures(s: &Summary) -> Vec<(&'static str, String)> {
+    let number = |x: f64| if x.is_nan() { "null".to_owned() } else { format!("{x:?}") };
+    let time = |t: Option<f64>| t.map_or("null".to_owned(), number);
+    let latches: Vec<String> = s.latches_s.iter().map(|t| time(*t)).collect();
+    let mut out = vec![
+        ("state_digest", s.state_digest.clone()),
+        ("ticks", s.ticks.to_string()),
+        ("duration_s", number(s.duration_s)),
+        ("outcome", s.outcome.to_string()),
+        ("first_contact_s", time(s.first_contact_s)),
+        ("capture_s", time(s.capture_s)),
+        ("latches_s", format!("[{}]", latches.join(", "))),
+        ("peak_force_n", number(s.peak_force_n)),
+        ("peak_moment_nm", number(s.peak_moment_nm)),
+        ("impulse_ns", number(s.impulse_ns)),
+        ("peak_penetration_m", number(s.peak_penetration_m)),
+        ("energy_in_j", number(s.energy_in_j)),
+        ("energy_dissipated_j", number(s.energy_dissipated_j)),
+        ("energy_balance_error", number(s.energy_balance_error)),
+        ("momentum_error", number(s.momentum_error)),
+    ];
+    if let Some(f) = &s.fidelity {
+        out.extend([
+            ("fidelity.R_e", time(f.R_e)),
+            ("fidelity.R_T", time(f.R_T)),
+            ("fidelity.peak_force_ratio", time(f.peak_force_ratio)),
+            ("fidelity.nrms_force", time(f.nrms_force)),
+            ("fidelity.nrms_pose", time(f.nrms_pose)),
+            ("fidelity.delta_energy", time(f.delta_energy)),
+        ]);
+    }
+    out
+}
+
+/// How many figures were compared, and the first that differs.
+pub(super) fn compare(recorded: &Summary, replayed: &Summary) -> (usize, Option<FigureDifference>) {
+    let pairs = figures(recorded).into_iter().zip(figures(replayed));
+    // What stopped a run from outside is in no tick.
+    let stopped = recorded.outcome == Outcome::Stopped;
+    let pairs: Vec<_> = pairs.filter(|((key, _), _)| !(stopped && *key == "outcome")).collect();
+    let count = pairs.len();
+    let first = pairs.into_iter().find(|((_, a), (_, b))| a != b);
+    let first = first.map(|((key, recorded), (_, replayed))| FigureDifference {
+        key: key.to_owned(),
+        recorded,
+        replayed,
+    });
+    (count, first)
+}
