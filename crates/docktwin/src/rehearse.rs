@@ -121,10 +121,14 @@ pub(crate) fn print(s: &Summary, expect: &Expect, out: &Path) {
         s.peak_moment_nm,
         s.peak_penetration_m * 1e3
     );
-    println!("  impulse        {:.2} N·s", s.impulse_ns);
+    let net = s.net_impulse_ns.map_or(String::new(), |n| format!(", net {n:.2} N·s"));
+    println!("  impulse        {:.2} N·s{net}", s.impulse_ns);
+    let account = s.energy_balance_error;
+    let account =
+        if account.is_nan() { String::new() } else { format!(", account off by {account:.1e}") };
     println!(
-        "  energy         {:.3} J in, {:.3} J dissipated, account off by {:.1e}",
-        s.energy_in_j, s.energy_dissipated_j, s.energy_balance_error
+        "  energy         {:.3} J in, {:.3} J dissipated{account}",
+        s.energy_in_j, s.energy_dissipated_j
     );
     println!("  momentum       off by {:.1e}", s.momentum_error);
     println!(

@@ -7,6 +7,7 @@ use crate::{
     attenuator::{self, AttenuatorForce, AttenuatorGeometry, AttenuatorState, Deflection},
     body::{MIDPOINT_ITERATIONS, MassProperties},
     contact::{ContactState, Contacts, Scene, SurfacePair},
+    outcome::Loads,
     stick::StickContact,
 };
 
@@ -740,6 +741,18 @@ impl System {
 }
 
 impl System {
+    /// What limits are judged by, of forces evaluated at `m`.
+    #[must_use]
+    pub fn loads(&self, m: &Measured, forces: &Forces) -> Loads {
+        let x = m.poses();
+        let about = x.x_wp.p - x.x_wr.p;
+        Loads {
+            interface: forces.on_target.shifted(about).rotated(x.x_w4.q.conjugate()),
+            depth_m: m.deepest_m(),
+            overtravel_m: self.overtravel_m(m),
+        }
+    }
+
     /// How far the attenuator is pushed beyond its travel, m; rotations count at the ring radius.
     #[must_use]
     pub fn overtravel_m(&self, m: &Measured) -> f64 {

@@ -34,6 +34,17 @@ impl Outcome {
     }
 }
 
+/// What the limits of a mechanism are about, of one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Loads {
+    /// Wrench on the target about the passive ring's centre, in `e4`: N and N·m.
+    pub interface: Wrench,
+    /// Deepest contact, m.
+    pub depth_m: f64,
+    /// Attenuator beyond its travel, m.
+    pub overtravel_m: f64,
+}
+
 /// What a limit is called, its value and what was reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimitPassed {
@@ -47,6 +58,29 @@ pub struct LimitPassed {
     pub time_s: f64,
 }
 
+impl LimitPassed {
+    /// The first of a mechanism's limits that these loads pass. A load that is not a number passes it.
+    #[must_use]
+    pub fn first(m: &DockingMechanism, loads: &Loads, time_s: f64) -> Option<Self> {
+        let l = &m.limits;
+        let (f, mo) = (loads.interface.f, loads.interface.m);
+        // X4 points away from the chaser: pushed along +X4 is compression.
+        let checks = [
+            ("compression_n", l.compression_n, f.x),
+            ("tension_n", l.tension_n, -f.x),
+            ("shear_n", l.shear_n, f.y.hypot(f.z)),
+            ("torsion_nm", l.torsion_nm, mo.x.abs()),
+            ("bending_nm", l.bending_nm, mo.y.hypot(mo.z)),
+            ("depth_m", l.depth_m, loads.depth_m),
+            ("overtravel_m", l.overtravel_m, loads.overtravel_m),
+        ];
+        checks
+            .into_iter()
+            .find(|(_, limit, reached)| reached > limit || reached.is_nan())
+            .map(|(name, limit, reached)| Self { name, limit, reached, time_s })
+    }
+}
+
 /// One look at the relative motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
@@ -58,12 +92,8 @@ pub struct Observation {
     pub relative: Twist,
     /// Whether any surfaces touch.
     pub touching: bool,
-    /// Wrench on the passive side about its ring centre, in `e4`.
-    pub interface: Wrench,
-    /// Deepest contact, m.
-    pub depth_m: f64,
-    /// Attenuator beyond its travel, m.
-    pub overtravel_m: f64,
+    /// The first limit passed up to now, in any step.
+    pub limit: Option<LimitPassed>,
 }
 
 /// Watches a run and judges it.
@@ -133,7 +163,7 @@ impl Monitor {
             self.guided = true;
             self.touched_guided |= o.touching;
         }
-        self.check_limits(m, o);
+        self.limit = self.limit.or(o.limit);
         self.latched = state.latches.iter().filter(|l| l.phase == LatchPhase::Latched).count();
         self.captured_s = state.captured_s();
 
@@ -154,28 +184,6 @@ impl Monitor {
         } else if o.touching {
             self.separated_s = None;
         }
-    }
-
-    fn check_limits(&mut self, m: &DockingMechanism, o: &Observation) {
-        if self.limit.is_some() {
-            return;
-        }
-        let l = &m.limits;
-        let (f, mo) = (o.interface.f, o.interface.m);
-        // X4 points away from the chaser: pushed along +X4 is compression.
-        let checks = [
-            ("compression_n", l.compression_n, f.x),
-            ("tension_n", l.tension_n, -f.x),
-            ("shear_n", l.shear_n, f.y.hypot(f.z)),
-            ("torsion_nm", l.torsion_nm, mo.x.abs()),
-            ("bending_nm", l.bending_nm, mo.y.hypot(mo.z)),
-            ("depth_m", l.depth_m, o.depth_m),
-            ("overtravel_m", l.overtravel_m, o.overtravel_m),
-        ];
-        self.limit = checks
-            .into_iter()
-            .find(|(_, limit, reached)| reached > limit)
-            .map(|(name, limit, reached)| LimitPassed { name, limit, reached, time_s: o.time_s });
     }
 
     /// Whether there is nothing more to wait for: a limit passed, attenuation ended, jammed for the

@@ -4,11 +4,12 @@
 //! symplectic for the conservative part); the body programme alone is of fourth order (see
 //! [`crate::body`]). Kicks are equal and opposite at one point, so momentum is kept to rounding.
 
-use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 
 use crate::{
     body::BodyState,
     mechanism::{CHASER, Kick, Measured, MechanismState, Midpoint, RING, System, TARGET},
+    outcome::LimitPassed,
 };
 
 /// Control wrenches of a tick, about the mass centres, in body axes: F1, M1 and F2, M2.
@@ -46,12 +47,16 @@ pub struct DockingState {
     pub impulse_in: Wrench,
     /// Largest force between the sides in any step, N.
     pub peak_force_n: f64,
-    /// Largest moment between the sides about the ring centre in any step, N·m.
+    /// Largest moment on the target about the passive ring's centre in any step, N·m.
     pub peak_moment_nm: f64,
     /// Deepest contact in any step, m.
     pub peak_depth_m: f64,
     /// Time integral of the size of the force between the sides until capture, N·s.
     pub impulse_ns: f64,
+    /// Time integral of the force on the target, world axes, N·s.
+    pub net_impulse: DVec3,
+    /// The first limit passed in any step.
+    pub limit: Option<LimitPassed>,
     /// Middle of the first step in which surfaces touched, s.
     pub first_contact_s: Option<f64>,
 }
@@ -70,6 +75,8 @@ impl DockingState {
             peak_moment_nm: 0.0,
             peak_depth_m: 0.0,
             impulse_ns: 0.0,
+            net_impulse: DVec3::ZERO,
+            limit: None,
             first_contact_s: None,
         }
     }
@@ -97,9 +104,10 @@ impl DockingState {
     }
 
     /// Keeps the account of the control wrenches `external` (about the mass centres, world axes), the
-    /// running maxima and the impulse of one kick.
+    /// running maxima, the impulse and the first limit passed, of one kick.
     pub fn note(
         &mut self,
+        system: &System,
         measured: &Measured,
         external: &[Wrench; 3],
         kick: &Kick,
@@ -112,10 +120,15 @@ impl DockingState {
             self.impulse_in.push(com[i], w.f * h);
             self.impulse_in.m += w.m * h;
         }
-        let force = kick.forces.on_target.f.length();
+        let loads = system.loads(measured, &kick.forces);
+        let force = loads.interface.f.length();
         self.peak_force_n = self.peak_force_n.max(force);
-        self.peak_moment_nm = self.peak_moment_nm.max(kick.forces.on_target.m.length());
-        self.peak_depth_m = self.peak_depth_m.max(measured.deepest_m());
+        self.peak_moment_nm = self.peak_moment_nm.max(loads.interface.m.length());
+        self.peak_depth_m = self.peak_depth_m.max(loads.depth_m);
+        self.net_impulse += kick.forces.on_target.f * h;
+        if self.limit.is_none() {
+            self.limit = LimitPassed::first(system.mechanism(), &loads, time_s);
+        }
         if self.mechanism.captured_s().is_none() {
             self.impulse_ns += force * h;
         }
@@ -205,7 +218,7 @@ impl System {
                 state.bodies[i].kick_response(&mass[i], w, h)
             });
         self.commit(&mut state.mechanism, &measured, &kick, &middle);
-        state.note(&measured, &external, &kick, &middle);
+        state.note(self, &measured, &external, &kick, &middle);
         for (i, (b, m)) in state.bodies.iter_mut().zip(mass).enumerate() {
             if self.rigid() && i == RING {
                 continue;

@@ -91,7 +91,7 @@ pub use reader::flip_bit;
 pub use reader::{RunReader, Ticks, rebuild_parquet};
 pub use recover::{Recovered, recover};
 pub use summary::{
-    Fidelity, LatenessUs, LoopSummary, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
+    Fidelity, LatenessUs, LoopSummary, Masses, Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA,
     SafetySummary, StepUs, Summary, Verdict,
 };
 pub use tick::TickRecord;

@@ -183,6 +183,17 @@ pub struct RecordingSummary {
     pub error: Option<String>,
 }
 
+/// Masses of what moves, kg.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Masses {
+    /// Chaser without the ring of its mechanism.
+    pub chaser: f64,
+    /// Target.
+    pub target: f64,
+    /// Active ring with its petals; where it does not move in the chaser, it belongs to it.
+    pub ring: f64,
+}
+
 /// `summary.json`, in its order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -217,9 +228,16 @@ pub struct Summary {
     /// Impulse of the contact force, N·s.
     #[serde(deserialize_with = "null_is_nan")]
     pub impulse_ns: f64,
+    /// Size of the time integral of the force on the target over the whole run, N·s; none in recordings
+    /// before 0.3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub net_impulse_ns: Option<f64>,
     /// Deepest penetration, m.
     #[serde(deserialize_with = "null_is_nan")]
     pub peak_penetration_m: f64,
+    /// Masses of what moves; none in recordings before 0.3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<Masses>,
     /// Energy brought in, J.
     #[serde(deserialize_with = "null_is_nan")]
     pub energy_in_j: f64,

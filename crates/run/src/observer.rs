@@ -9,7 +9,7 @@ use docktwin_physics::{
     outcome::{Judgement, Monitor, Observation, Outcome as Judged},
     reduced::{DockingState, Inputs},
 };
-use docktwin_record::{Outcome, SUMMARY_SCHEMA, StepUs, Summary, Verdict};
+use docktwin_record::{Masses, Outcome, SUMMARY_SCHEMA, StepUs, Summary, Verdict};
 use docktwin_scenario::{Body, Expect, ExpectedOutcome, Measured};
 use hdrhistogram::Histogram;
 
@@ -42,6 +42,8 @@ pub struct Asked<'a> {
     pub expect: &'a Expect,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// Masses of what moves.
+    pub mass_kg: Masses,
 }
 
 /// Gathers.
@@ -193,7 +195,9 @@ impl Observer {
             peak_force_n: state.peak_force_n,
             peak_moment_nm: state.peak_moment_nm,
             impulse_ns: state.impulse_ns,
+            net_impulse_ns: Some(state.net_impulse.length()),
             peak_penetration_m: state.peak_depth_m,
+            mass_kg: Some(asked.mass_kg),
             energy_in_j: self.energy.in_j,
             energy_dissipated_j: state.mechanism.losses.total(),
             energy_balance_error: self.energy.error,

@@ -21,7 +21,7 @@ use crate::{
     observer::{Asked, Observed, Observer, pair_name},
     progress::Progress,
     provenance::digest_keys,
-    setup::{start, tick_digest},
+    setup::{masses, start, tick_digest},
     signals::{Instant, columns, contact_rows, row},
     sink::{Header, Sink, TickView},
     twin::{TickedTwin, TwinKind},
@@ -457,8 +457,12 @@ impl<S: Sink> RunningRehearsal<'_, S> {
     pub fn finish(mut self) -> (Summary, S) {
         let (tick, time) = (Tick(self.tick), self.time());
         let judgement = self.judgement();
-        let asked =
-            Asked { scenario: &self.scenario.name, expect: &self.scenario.expect, seed: self.seed };
+        let asked = Asked {
+            scenario: &self.scenario.name,
+            expect: &self.scenario.expect,
+            seed: self.seed,
+            mass_kg: masses(self.scenario),
+        };
         let mut summary =
             self.observer.summary(&asked, &self.now.state, &judgement, self.tick, time);
         let mut reason = judgement.reason;

@@ -7,6 +7,7 @@ use docktwin_physics::{
     mechanism::System,
     reduced::{DockingState, Inputs},
 };
+use docktwin_record::Masses;
 use docktwin_scenario::{Body, Scenario, Thrust, Trigger};
 
 /// Steps of a tick of 1 ms of the full twin: 0.2 ms each.
@@ -35,6 +36,16 @@ pub fn steps_per_tick(scenario: &Scenario, per_ms: u32) -> u32 {
         let n = (scenario.run.tick_nanos * per_ms).div_ceil(1_000_000);
         u32::try_from(n).unwrap_or(u32::MAX).max(1)
     })
+}
+
+/// Masses of what moves, as the files have them.
+#[must_use]
+pub const fn masses(scenario: &Scenario) -> Masses {
+    Masses {
+        chaser: scenario.chaser.mass_kg,
+        target: scenario.target.mass_kg,
+        ring: scenario.mechanism.ring_body.mass_kg,
+    }
 }
 
 /// The bodies at the start.

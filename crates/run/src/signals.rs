@@ -114,13 +114,7 @@ impl Instant {
             x_ring: frames.x_wr.inverse() * ring,
             relative: self.relative,
             touching: self.measured.touching(),
-            interface: self
-                .forces
-                .on_target
-                .shifted(frames.x_wp.p - frames.x_wr.p)
-                .rotated(frames.x_w4.q.conjugate()),
-            depth_m: self.state.peak_depth_m,
-            overtravel_m: self.overtravel_m,
+            limit: self.state.limit,
         }
     }
 

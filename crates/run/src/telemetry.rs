@@ -9,6 +9,7 @@ use docktwin_physics::{
     mechanism::{
         CHASER, EnergyLosses, LatchPhase, LatchState, MechanismState, RING, System, TARGET,
     },
+    outcome::{LimitPassed, Loads},
     reduced::{DockingState, Energy},
 };
 use docktwin_record::{Cell, Column};
@@ -136,18 +137,19 @@ impl Watcher {
         let ring = BodyState::new(&mass[RING], ring, v, ring.q.conjugate() * t.w);
         self.state.bodies = [chaser, ring, target];
 
-        let force = r.ports.port4.f.length();
-        let x_4p = system.passive_ring();
-        let moment = r.ports.port4.shifted(x_4p.p).m.length();
+        let interface = interface(system, &r.ports.port4);
+        let force = interface.f.length();
         let s = &mut self.state;
         s.step += 1;
         s.peak_force_n = s.peak_force_n.max(force);
-        s.peak_moment_nm = s.peak_moment_nm.max(moment);
+        s.peak_moment_nm = s.peak_moment_nm.max(interface.m.length());
+        s.net_impulse += target.q * interface.f * tick_s;
         if force > PORT_CONTACT_N {
             s.first_contact_s.get_or_insert(time_s);
-        }
-        if self.captured_s.is_none() {
-            s.impulse_ns += force * tick_s;
+            // Below that the noise of the sensor would add up.
+            if self.captured_s.is_none() {
+                s.impulse_ns += force * tick_s;
+            }
         }
         // Work and impulse of the control wrenches over the tick before, by its mean velocities.
         if let Some(before) = self.last {
@@ -185,7 +187,16 @@ impl Watcher {
         let mut now = Instant::new(system, shown, time_s, tick_s);
         now.port3 = r.ports.port3;
         now.port4 = r.ports.port4;
-        self.state.peak_depth_m = self.state.peak_depth_m.max(now.measured.deepest_m());
+        let loads = Loads {
+            interface: interface(system, &r.ports.port4),
+            // Surfaces of halves that are latched together do not count, as in a rehearsal.
+            depth_m: if self.captured_s.is_none() { now.measured.deepest_m() } else { 0.0 },
+            overtravel_m: now.overtravel_m,
+        };
+        self.state.peak_depth_m = self.state.peak_depth_m.max(loads.depth_m);
+        if self.state.limit.is_none() {
+            self.state.limit = LimitPassed::first(system.mechanism(), &loads, time_s);
+        }
         let kinetic: f64 = [CHASER, TARGET]
             .into_iter()
             .map(|i| self.state.bodies[i].kinetic_energy(&system.mass()[i]))

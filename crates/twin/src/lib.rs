@@ -147,7 +147,7 @@ impl DockingTwin for FullTwin {
             bodies[i].kick_response(&mass[i], w, h)
         });
         self.system.commit(&mut self.memory.mechanism, &measured, &kick, &middle);
-        self.memory.note(&measured, &external, &kick, &middle);
+        self.memory.note(&self.system, &measured, &external, &kick, &middle);
         self.memory.step += 1;
         for i in [CHASER, RING, TARGET] {
             if self.system.rigid() && i == RING {

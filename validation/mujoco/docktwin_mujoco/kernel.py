@@ -597,7 +597,9 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
     if first:
         size = norm(force)
         S[FORCE], S[PLACES] = size, count
-        S[PEAK_F], S[PEAK_M] = max(S[PEAK_F], size), max(S[PEAK_M], norm(moment))
+        # About the passive ring's centre, as limits are judged.
+        about = add(moment, cross(p_ab, mul(force, -1.0)))
+        S[PEAK_F], S[PEAK_M] = max(S[PEAK_F], size), max(S[PEAK_M], norm(about))
         S[PEAK_D] = max(S[PEAK_D], depth)
         S[TOUCHING] = 1.0 if depth > 0.0 else 0.0
         if depth > 0.0 and S[FIRST] < 0.0:

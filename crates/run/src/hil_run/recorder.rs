@@ -21,9 +21,10 @@ use crate::{
     fidelity::{FidelityMeter, trace},
     observer::{Asked, Observed, Observer},
     rehearsal::{RowRecorder, pair_names},
+    setup::masses,
     signals::{Instant, contact_rows, row},
     sink::{Header, Sink, TickView},
-    telemetry::{Watcher, hil_columns, interface, loop_row},
+    telemetry::{Watcher, hil_columns, loop_row},
 };
 
 /// Takes the ticks of a loop in, and makes the record and the summary of them.
@@ -141,8 +142,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
 
     fn observe(&mut self, now: &Instant, r: &TickRecord, time: SimTime) {
         self.meter.add(&trace(&self.system, r), &r.control);
-        let mut seen = now.observation(time.seconds());
-        seen.interface = interface(&self.system, &r.ports.port4);
+        let seen = now.observation(time.seconds());
         let observed =
             Observed { system: &self.system, now, seen: &seen, control: &r.control, time };
         self.observer.observe(&observed, &mut self.events);
@@ -201,9 +201,16 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let time = self.time(last);
         let judgement = self.observer.monitor().judge(time.seconds());
         let expect = self.scenario.expect.of_hil();
-        let asked = Asked { scenario: &self.scenario.name, expect: &expect, seed: self.seed };
+        let asked = Asked {
+            scenario: &self.scenario.name,
+            expect: &expect,
+            seed: self.seed,
+            mass_kg: masses(self.scenario),
+        };
         let state = self.watcher.state();
         let mut summary = self.observer.summary(&asked, state, &judgement, last, time);
+        // Nothing tells where energy went on a rig: what is missing is what the mechanism took.
+        summary.energy_balance_error = f64::NAN;
         summary.fidelity = Some(self.meter.fidelity());
         (summary, judgement)
     }

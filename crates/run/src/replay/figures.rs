@@ -20,6 +20,7 @@ fn figures(s: &Summary) -> Vec<(&'static str, String)> {
         ("peak_force_n", number(s.peak_force_n)),
         ("peak_moment_nm", number(s.peak_moment_nm)),
         ("impulse_ns", number(s.impulse_ns)),
+        ("net_impulse_ns", time(s.net_impulse_ns)),
         ("peak_penetration_m", number(s.peak_penetration_m)),
         ("energy_in_j", number(s.energy_in_j)),
         ("energy_dissipated_j", number(s.energy_dissipated_j)),
@@ -44,7 +45,10 @@ pub(super) fn compare(recorded: &Summary, replayed: &Summary) -> (usize, Option<
     let pairs = figures(recorded).into_iter().zip(figures(replayed));
     // What stopped a run from outside is in no tick.
     let stopped = recorded.outcome == Outcome::Stopped;
-    let pairs: Vec<_> = pairs.filter(|((key, _), _)| !(stopped && *key == "outcome")).collect();
+    // Not known before 0.3.
+    let unknown = |key: &str| key == "net_impulse_ns" && recorded.net_impulse_ns.is_none();
+    let left_out = |key: &str| stopped && key == "outcome" || unknown(key);
+    let pairs: Vec<_> = pairs.filter(|((key, _), _)| !left_out(key)).collect();
     let count = pairs.len();
     let first = pairs.into_iter().find(|((_, a), (_, b))| a != b);
     let first = first.map(|((key, recorded), (_, replayed))| FigureDifference {
