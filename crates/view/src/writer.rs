@@ -13,8 +13,9 @@ use crate::stream::Stream;
 use crate::style::{self, PairClass};
 use crate::{ViewError, blueprint, paths, scene};
 
-/// Frames sent together; more is cheaper, fewer lose less when the process dies.
-const BATCH: usize = 256;
+/// Frames sent together. Fewer lose less when the process dies (`view` makes the file anew from the log); of every
+/// batch the file's table of contents keeps a row an entity in memory to the end of the run.
+const BATCH: usize = 1024;
 /// Points of the trace closer than this, m, are one.
 const TRACE_CELL_M: f64 = 0.006;
 /// Points of the trace in one entity: a new point repeats at most so many.
