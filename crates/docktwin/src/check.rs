@@ -6,7 +6,11 @@ use std::{
 };
 
 use clap::Subcommand;
-use docktwin_model::keys::{self, FileKind};
+use docktwin_model::{
+    DockingMechanism,
+    keys::{self, FileKind},
+};
+use docktwin_physics::contact::Scene;
 use docktwin_scenario::{explained, load_scenario};
 
 use crate::{
@@ -88,7 +92,12 @@ pub(crate) fn scenario(command: &ScenarioCommand, json: bool) -> Result<ExitCode
 }
 
 fn model_check(file: &Path, json: bool) -> ExitCode {
-    let report = docktwin_model::model_check(file);
+    let mut report = docktwin_model::model_check(file);
+    if let Some(mechanism) = report.mechanism.take() {
+        let fit = fit_of_surfaces(&mechanism);
+        report.read.extend(fit.read);
+        report.flagged.extend(fit.flagged);
+    }
     let code = if report.refused.is_empty() { 0 } else { BAD_INPUT };
     if !json {
         report.lines().iter().for_each(|l| println!("{l}"));
@@ -119,6 +128,43 @@ fn model_check(file: &Path, json: bool) -> ExitCode {
         })
     );
     ExitCode::from(code)
+}
+
+/// What follows from the surfaces that touch.
+struct SurfaceFit {
+    read: Option<String>,
+    flagged: Option<String>,
+}
+
+fn fit_of_surfaces(m: &DockingMechanism) -> SurfaceFit {
+    let play = Scene::new(m).roll_play();
+    let [Some(back), Some(ahead)] = play.map(|p| p.map(f64::to_degrees)) else {
+        return SurfaceFit { read: None, flagged: None };
+    };
+    let least = back.min(ahead);
+    let both = if (back - ahead).abs() < 5e-3 {
+        format!("±{least:.2}")
+    } else {
+        format!("-{back:.2} to {ahead:.2}")
+    };
+    let zone = m.latches.as_ref().map(|l| l.tangential_zone_m);
+    let radius_m = m.active.ring.mean_radius_m;
+    let narrow = zone.filter(|zone| (zone / radius_m).to_degrees() < back.max(ahead));
+    let flagged = if least == 0.0 {
+        Some("petals of both sides touch when docked: they never latch; turn one side's petals, or make them \
+              narrower or thinner".to_owned())
+    } else {
+        narrow.map(|zone| {
+            format!(
+                "latches.tangential_zone_m = {zone} m: ±{:.2} deg at the ring, less than the mated roll play of \
+                 {both} deg: sides that come to rest beyond it never latch; make it {:.3} m or more",
+                (zone / radius_m).to_degrees(),
+                (back.max(ahead).to_radians() * radius_m * 1e3).ceil() / 1e3
+            )
+        })
+    };
+    let read = format!("mated roll play = {both} deg (until petals touch)");
+    SurfaceFit { read: Some(read), flagged }
 }
 
 fn explain_model(

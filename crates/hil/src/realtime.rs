@@ -279,25 +279,50 @@ fn set_fifo(priority: u8) -> Result<(), Shortfall> {
          container: docker run --cap-add sys_nice --ulimit rtprio=99"
             .to_owned()
     } else {
-        GRANT_PRIORITY.to_owned()
+        grant(Grant::Priority, bounding_set())
     };
     let what = format!("SCHED_FIFO {priority} was refused ({error})");
     Err(Shortfall { step: Step::Priority, what, remedy })
 }
 
-/// What grants real-time priority.
-pub const GRANT_PRIORITY: &str = "sudo setcap cap_sys_nice,cap_ipc_lock=ep $(command -v docktwin), or \
-     for a user: echo \"$USER - rtprio 95\" | sudo tee /etc/security/limits.d/95-docktwin.conf, then \
-     log in again";
+/// What a right is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Grant {
+    Priority,
+    Memory,
+}
 
-/// What grants locked memory.
-pub const GRANT_MEMORY: &str = "sudo setcap cap_sys_nice,cap_ipc_lock=ep $(command -v docktwin), or \
-     for a user: echo \"$USER - memlock unlimited\" | sudo tee \
-     /etc/security/limits.d/96-docktwin.conf, then log in again";
+/// How a right is granted where no process may get capabilities beyond `bounding_set`. A program whose file
+/// has others does not start at all, so a file in a container must not be given them.
+fn grant(right: Grant, bounding_set: u64) -> String {
+    let both = (1 << CAP_SYS_NICE) | (1 << CAP_IPC_LOCK);
+    if bounding_set & both != both {
+        return "start the container with more rights: docker run --cap-add sys_nice --cap-add ipc_lock \
+                --ulimit rtprio=99 --ulimit memlock=-1 (setcap does not help: the capabilities are outside \
+                the bounding set, and a program that has them in its file does not start here)"
+            .to_owned();
+    }
+    let (limit, file) = match right {
+        Grant::Priority => ("rtprio 95", "95-docktwin.conf"),
+        Grant::Memory => ("memlock unlimited", "96-docktwin.conf"),
+    };
+    format!(
+        "sudo setcap cap_sys_nice,cap_ipc_lock=ep $(command -v docktwin), or for a user: echo \"$USER - \
+         {limit}\" | sudo tee /etc/security/limits.d/{file}, then log in again"
+    )
+}
+
+/// Capabilities that any process here may ever get.
+fn bounding_set() -> u64 {
+    // SAFETY: the call takes numbers alone. 1: in the set.
+    let within = |cap: u32| unsafe { libc::prctl(libc::PR_CAPBSET_READ, cap, 0, 0, 0) } == 1;
+    (0..64).filter(|cap| within(*cap)).fold(0, |set, cap| set | 1 << cap)
+}
 
 fn lock_memory() -> Result<(), Shortfall> {
-    let shortfall =
-        |what| Err(Shortfall { step: Step::Memory, what, remedy: GRANT_MEMORY.to_owned() });
+    let shortfall = |what| {
+        Err(Shortfall { step: Step::Memory, what, remedy: grant(Grant::Memory, bounding_set()) })
+    };
     // Within a limit locking may succeed now, and a later request for memory would then fail.
     if let Some(limit) = Rights::read().lockable_bytes {
         return shortfall(format!("at most {} KiB may be locked", limit / 1024));
@@ -543,5 +568,22 @@ mod tests {
             assert_eq!(report.shortfalls[0].step, Step::Priority);
         }
         assert!(report.granted.contains(&Step::Affinity));
+    }
+
+    /// Case C17: in a container without the capabilities a program whose file has them does not start.
+    #[test]
+    fn regress_setcap_is_advised_only_where_it_works() {
+        for right in [Grant::Priority, Grant::Memory] {
+            assert!(grant(right, u64::MAX).starts_with("sudo setcap cap_sys_nice,cap_ipc_lock=ep"));
+            // Docker's own set has neither; one of both is not enough.
+            for bounding in [0xa804_25fb, 0, 1 << CAP_SYS_NICE, 1 << CAP_IPC_LOCK] {
+                let advice = grant(right, bounding);
+                assert!(!advice.contains("sudo"), "{advice}");
+                assert!(advice.contains("--cap-add sys_nice --cap-add ipc_lock"), "{advice}");
+            }
+        }
+        let kernel = std::fs::read_to_string("/proc/self/status").expect("Linux");
+        let line = kernel.lines().find_map(|l| l.strip_prefix("CapBnd:")).expect("the set");
+        assert_eq!(bounding_set(), u64::from_str_radix(line.trim(), 16).expect("a number"));
     }
 }

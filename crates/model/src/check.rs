@@ -7,6 +7,7 @@ use crate::keys::FileKind;
 use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
 use crate::load_rig::read_rig;
 use crate::load_spacecraft::read_spacecraft;
+use crate::mechanism::DockingMechanism;
 use crate::problem::{Findings, Note, Problem, ReadValue};
 use crate::rig_check;
 use crate::toml_check::Checker;
@@ -57,7 +58,7 @@ fn unknown_kind(path: &Path, out: &mut Findings) {
 }
 
 /// What a check of model files found, as lines of text.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// The values behind `read`, without those derived from several.
     pub values: Vec<ReadValue>,
@@ -75,6 +76,8 @@ pub struct Report {
     pub flagged: Vec<String>,
     /// What is wrong. Empty: the model is right.
     pub refused: Vec<String>,
+    /// Both sides of a mechanism together, where nothing is wrong with them.
+    pub mechanism: Option<Box<DockingMechanism>>,
 }
 
 impl Report {
@@ -142,7 +145,7 @@ pub fn model_check(path: &Path) -> Report {
             if let Some((a, p)) = active.zip(passive) {
                 let fit = mated_fit(&a.geometry, &p.geometry);
                 let joined = join(a, p, None, &mut out);
-                let mut lines = Vec::new();
+                let (mut lines, mut mechanism_checked) = (Vec::new(), None);
                 // The clearances of wrong numbers mean nothing.
                 if let Some(mechanism) = joined.filter(|_| out.problems.is_empty()) {
                     lines.push(format!("docked length = {:.6} m", mechanism.docked_length_m()));
@@ -150,11 +153,9 @@ pub fn model_check(path: &Path) -> Report {
                         "mated clearance of petal to ring = {:.6} m",
                         fit.petal_to_ring_m
                     ));
-                    if let Some(play) = fit.roll_play_rad {
-                        lines.push(format!("mated roll play = ±{:.3} deg", play.to_degrees()));
-                    }
+                    mechanism_checked = Some(Box::new(mechanism));
                 }
-                return report(out, lines);
+                return Report { mechanism: mechanism_checked, ..report(out, lines) };
             }
         }
         None => unknown_kind(path, &mut out),
@@ -177,5 +178,6 @@ fn report(out: Findings, derived: Vec<String>) -> Report {
         values: out.values,
         notes: out.notes,
         problems,
+        mechanism: None,
     }
 }

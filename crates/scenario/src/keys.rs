@@ -160,17 +160,18 @@ pub(crate) const KEYS: &[Key] = &[
     key("initial.yaw_deg", Shape::Default(Range::within(-45.0, 45.0), 0.0), "Yaw ψ about Z."),
     key(
         "initial.roll_rate_deg_s",
-        Shape::Default(Range::within(-20.0, 20.0), 0.0),
-        "Angular velocity of the target relative to the chaser, X component in e4.",
+        Shape::Default(Range::within(-60.0, 60.0), 0.0),
+        "Angular velocity of the target relative to the chaser, X component in e4. All of it is the target's: the \
+         chaser and its ring do not turn before contact.",
     ),
     key(
         "initial.pitch_rate_deg_s",
-        Shape::Default(Range::within(-20.0, 20.0), 0.0),
+        Shape::Default(Range::within(-60.0, 60.0), 0.0),
         "The same, Y component.",
     ),
     key(
         "initial.yaw_rate_deg_s",
-        Shape::Default(Range::within(-20.0, 20.0), 0.0),
+        Shape::Default(Range::within(-60.0, 60.0), 0.0),
         "The same, Z component.",
     ),
     key(
@@ -187,7 +188,7 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "run.tick_s",
         Shape::Default(Range::within(1e-5, 0.002), 0.001),
-        "Period of the recorded ticks, a whole number of nanoseconds. Load limits and contacts are judged once a tick.",
+        "Period of the recorded ticks, a whole number of nanoseconds. Contacts are recorded once a tick; limits are judged in every physics step.",
     ),
     key(
         "run.steps_per_tick",

@@ -140,8 +140,10 @@ const PETALS: Group = Group {
             "base_half_angle_deg",
             Shape::Number(Range::positive(90.0)),
             "28.0",
-            "Half of the angle that a petal covers at its base; below 180°/`count`.",
-            "What both sides' half-angles leave of 180°/`count` is the roll play when docked.",
+            "Half of the angle that a petal covers at its base; below 180°/`count`. Side edges are straight from \
+             base to tip.",
+            "What both sides leave of 180°/`count` is the roll play when docked; `model check` computes it \
+             from the surfaces.",
         ),
         key(
             "tip_half_angle_deg",
@@ -660,7 +662,9 @@ const LATCHES: Group = Group {
             "azimuths_deg",
             Shape::List(3, Range::within(-360.0, 360.0)),
             "[0.0, 120.0, 240.0]",
-            "Azimuths of the latches in `r3`, from +Y toward +Z; 30° or more apart.",
+            "Azimuths of the latches in `r3`, from +Y toward +Z; 30° or more apart. A latch is a point of the active \
+             ring's face; its gaps to its striker on the passive ring are measured along X, radially and along the \
+             ring in the axes of the active ring, and it pulls along X of the active ring.",
             "A latch must not stand where a petal of the passive side does when docked.",
         ),
         key(

@@ -7,7 +7,7 @@ use docktwin_model::{ContactLaw, NormalLaw};
 use super::{
     cells::{Load, Touch},
     law,
-    memory::{ApartM, ContactState, KeptApart, MOST_PAIRS, MOST_PLACES, Seeds, Track},
+    memory::{Apart, ContactState, MOST_PAIRS, MOST_PLACES, Seeds, Track},
     scene::Look,
 };
 
@@ -32,7 +32,7 @@ pub struct Contacts {
     touching: bool,
     /// For the next search: where elements are deepest, and how far the others are apart.
     pub(crate) seeds: Seeds,
-    apart: ArrayVec<KeptApart, MOST_PAIRS>,
+    apart: ArrayVec<Apart, MOST_PAIRS>,
     pub(crate) x_rp: Pose,
 }
 
@@ -90,9 +90,9 @@ impl Contacts {
     }
 
     /// Keeps how far the next pair's elements are apart.
-    pub(crate) fn push_apart(&mut self, apart_m: &ApartM) {
+    pub(crate) fn push_apart(&mut self, apart: Apart) {
         // A scene has no more pairs than there is room for.
-        let _ = self.apart.try_push(KeptApart::of(apart_m));
+        let _ = self.apart.try_push(apart);
     }
 
     /// Adds what the next pair does.
@@ -100,10 +100,10 @@ impl Contacts {
         &mut self,
         load: &Load,
         look: &Look<'_>,
-        apart_m: &ApartM,
+        apart: Apart,
         neighbours: fn(usize, usize) -> bool,
     ) {
-        self.push_apart(apart_m);
+        self.push_apart(apart);
         if load.touches.is_empty() {
             return;
         }

@@ -31,7 +31,7 @@ pub(crate) struct Track {
 }
 
 /// What is this far apart is forgotten, m.
-pub(crate) const FAR_M: f64 = 5e-4;
+const FAR_M: f64 = 5e-4;
 
 /// Where an element of a pair was deepest: the start of the next search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,23 +45,48 @@ pub(crate) struct Seed {
 
 pub(crate) type Seeds = ArrayVec<Seed, MOST_SEEDS>;
 
-/// How far all elements of a pair are surely apart; not above zero: not known.
-pub(crate) type ApartM = [f64; ELEMENTS];
-
-/// The same as it is remembered: in tenths of a micrometre, never longer than it is.
+/// How far all elements of a pair are surely apart, in tenths of a micrometre and never longer than it is; zero:
+/// not known. Whole numbers, because a step takes off all of them what has moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct KeptApart([u16; ELEMENTS]);
+pub(crate) struct Apart([u16; ELEMENTS]);
 
-impl KeptApart {
+impl Apart {
     const UNIT_M: f64 = 1e-7;
+    pub(crate) const UNKNOWN: Self = Self([0; ELEMENTS]);
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped, floor")]
-    pub(crate) fn of(apart_m: &ApartM) -> Self {
-        Self(apart_m.map(|m| (m / Self::UNIT_M).clamp(0.0, f64::from(u16::MAX)) as u16))
+    fn units(m: f64) -> u16 {
+        (m * (1.0 / Self::UNIT_M)).clamp(0.0, f64::from(u16::MAX)) as u16
     }
 
-    fn after(&self, moved: f64) -> ApartM {
-        self.0.map(|a| f64::from(a) * Self::UNIT_M - moved)
+    /// All by the same distance, m.
+    pub(crate) fn all(m: f64) -> Self {
+        Self([Self::units(m); ELEMENTS])
+    }
+
+    pub(crate) fn set(&mut self, element: usize, m: f64) {
+        self.0[element] = Self::units(m);
+    }
+
+    /// What is left of it once anything may have moved by `m`.
+    fn after(&self, m: f64) -> Self {
+        let moved = Self::units(m + Self::UNIT_M);
+        Self(self.0.map(|a| a.saturating_sub(moved)))
+    }
+
+    /// Whether an element does not touch.
+    pub(crate) const fn is_apart(&self, element: usize) -> bool {
+        self.0[element] > 0
+    }
+
+    /// Whether it is so near that it is remembered.
+    fn is_near(&self, element: usize) -> bool {
+        self.0[element] < Self::units(FAR_M)
+    }
+
+    /// Whether no cell touches.
+    fn cells_apart(&self) -> bool {
+        self.0[..CELLS].iter().all(|a| *a > 0)
     }
 }
 
@@ -71,7 +96,7 @@ impl KeptApart {
 pub struct ContactState {
     tracks: ArrayVec<Track, MOST_PLACES>,
     seeds: Seeds,
-    apart: ArrayVec<KeptApart, MOST_PAIRS>,
+    apart: ArrayVec<Apart, MOST_PAIRS>,
     /// Pose of the passive ring in the active ring's frame of the measurement.
     measured_at: Option<Pose>,
 }
@@ -84,7 +109,7 @@ impl ContactState {
     }
 
     /// Keeps what a measurement found for the next search.
-    pub(crate) fn keep(&mut self, seeds: &Seeds, apart: &ArrayVec<KeptApart, MOST_PAIRS>) {
+    pub(crate) fn keep(&mut self, seeds: &Seeds, apart: &ArrayVec<Apart, MOST_PAIRS>) {
         self.seeds.clone_from(seeds);
         self.apart.clone_from(apart);
     }
@@ -131,8 +156,8 @@ impl ContactState {
     }
 
     /// What is left of a pair's known distances after the sides have moved so far.
-    pub(crate) fn still_apart(&self, pair: usize, moved: f64) -> ApartM {
-        self.apart.get(pair).map_or([-moved; ELEMENTS], |a| a.after(moved))
+    pub(crate) fn still_apart(&self, pair: usize, moved: f64) -> Apart {
+        self.apart.get(pair).map_or(Apart::UNKNOWN, |a| a.after(moved))
     }
 }
 
@@ -155,7 +180,7 @@ pub(crate) struct PairMemory<'a> {
     pub(crate) known: &'a [Seed],
     /// How far anything has moved since, m.
     pub(crate) moved: f64,
-    pub(crate) apart_m: ApartM,
+    pub(crate) apart: Apart,
     pub(crate) learned: &'a mut Seeds,
 }
 
@@ -185,21 +210,22 @@ impl PairMemory<'_> {
 
     /// Whether no cell of the pair can touch.
     pub(crate) fn cells_apart(&self) -> bool {
-        self.apart_m[..CELLS].iter().all(|a| *a > 0.0)
+        self.apart.cells_apart()
     }
 
     /// Hands on what is known of the pair where nothing needs to be looked at now.
     pub(crate) fn carry_all(&mut self) {
         for i in 0..self.known.len() {
             let element = usize::from(self.known[i].element);
-            if self.apart_m[element] < FAR_M {
-                self.carry(element);
-            }
+            self.carry(element);
         }
     }
 
-    /// Hands on what is known of an element that need not be looked at now.
+    /// Hands on what is known of an element that need not be looked at now, unless it is far off.
     pub(crate) fn carry(&mut self, element: usize) {
+        if !self.apart.is_near(element) {
+            return;
+        }
         if let Some(seed) = self.known.iter().find(|s| usize::from(s.element) == element) {
             let proof = seed.proof.map(|p| p.raised(self.moved));
             let _ = self.learned.try_push(Seed { proof, ..*seed });

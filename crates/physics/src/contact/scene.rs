@@ -5,13 +5,13 @@ use docktwin_model::{ContactLaw, DockingMechanism, NormalLaw, SideGeometry};
 
 use super::{
     cells::{
-        EIGHTHS, ELEMENTS, Elastic, Load, OnPetal, RingPair, RingTable, petal_load,
-        petals_neighbour, single_load,
+        EIGHTHS, Elastic, Load, OnPetal, RingPair, RingTable, petal_load, petals_neighbour,
+        single_load,
     },
     contacts::Contacts,
     geometry::{Circle, Sheet, off_axis},
     law,
-    memory::{ContactState, PairMemory},
+    memory::{Apart, ContactState, PairMemory},
     search::{Lift, OnCircle, OnSheet, Start, Stiffness, deepest, follow},
 };
 
@@ -226,13 +226,13 @@ impl Scene {
                 pair: u8::try_from(number).unwrap_or(u8::MAX),
                 known: state.seeds_of(number),
                 moved,
-                apart_m: state.still_apart(slot, moved),
+                apart: state.still_apart(slot, moved),
                 learned: &mut out.seeds,
             };
             if memory.cells_apart() {
                 memory.carry_all();
-                let apart_m = memory.apart_m;
-                out.push_apart(&apart_m);
+                let apart = memory.apart;
+                out.push_apart(apart);
                 continue;
             }
             let look = |first: Frame, sign: f64| Look { state, pair: number, first, sign };
@@ -240,30 +240,30 @@ impl Scene {
             match *pair {
                 SurfacePair::RingRing => {
                     self.ring_ring(&back, &mut memory, &mut load);
-                    let apart_m = memory.apart_m;
-                    out.add(&load, &look(Frame::IDENTITY, 1.0), &apart_m, eighths_neighbour);
+                    let apart = memory.apart;
+                    out.add(&load, &look(Frame::IDENTITY, 1.0), apart, eighths_neighbour);
                 }
                 SurfacePair::PetalRing(i) => {
                     let turn = self.active.turn(i);
                     let look = look(turn, 1.0);
                     self.petal_ring(true, &(back * turn), &look, &mut memory, &mut load);
-                    let apart_m = memory.apart_m;
-                    out.add(&load, &look, &apart_m, petals_neighbour);
+                    let apart = memory.apart;
+                    out.add(&load, &look, apart, petals_neighbour);
                 }
                 SurfacePair::RingPetal(j) => {
                     let first = x * self.passive.turn(j);
                     let look = look(first, -1.0);
                     self.petal_ring(false, &first, &look, &mut memory, &mut load);
-                    let apart_m = memory.apart_m;
-                    out.add(&load, &look, &apart_m, petals_neighbour);
+                    let apart = memory.apart;
+                    out.add(&load, &look, apart, petals_neighbour);
                 }
                 SurfacePair::PetalPetal(i, j) => {
                     let turn = self.active.turn(i);
                     let look = look(turn, 1.0);
                     let x_ab = turn.inverse() * x * self.passive.turn(j);
                     self.petal_petal(&x_ab, &look, &mut memory, &mut load);
-                    let apart_m = memory.apart_m;
-                    out.add(&load, &look, &apart_m, petals_neighbour);
+                    let apart = memory.apart;
+                    out.add(&load, &look, apart, petals_neighbour);
                 }
             }
         }
@@ -321,7 +321,7 @@ impl Scene {
 
     fn ring_ring(&self, back: &Frame, memory: &mut PairMemory<'_>, out: &mut Load) {
         let apart = self.rings(back).load(&self.elastic(), out).err().unwrap_or(0.0);
-        memory.apart_m = [apart; ELEMENTS];
+        memory.apart = Apart::all(apart);
     }
 
     /// The rings, `back` being the active one's frame in the passive one's.
@@ -365,7 +365,7 @@ impl Scene {
         let sum = pairing.sheet.ball + pairing.circle.ball;
         let gap = away - petals.reach - sum;
         if gap > 0.0 {
-            memory.apart_m = [gap; ELEMENTS];
+            memory.apart = Apart::all(gap);
             return;
         }
         if !self.beyond(&pairing, look, memory, out) {
@@ -397,7 +397,7 @@ impl Scene {
         let sum = a.sheet.ball + b.sheet.ball;
         let gap = (x_ab.point(b.centre) - a.centre).length() - a.reach - b.reach - sum;
         if gap > 0.0 {
-            memory.apart_m = [gap; ELEMENTS];
+            memory.apart = Apart::all(gap);
             return;
         }
         let pairing = self.on_sheet((a, b), x_ab);
@@ -421,7 +421,7 @@ impl Scene {
         if place.depth <= pairing.sum() - MEETING_M {
             return false;
         }
-        memory.apart_m = [0.0; ELEMENTS];
+        memory.apart = Apart::UNKNOWN;
         memory.learn(cell, &place.z, None);
         single_load(pairing, &self.elastic(), cell, place, out);
         true
@@ -438,10 +438,10 @@ impl Scene {
             let rect = pairing.over([-1.0, 1.0], [0.0, 1.0]);
             let found = deepest(pairing, &rect, 0.0, &Start::at(rect.middle()));
             if found.place.effective <= 0.0 {
-                memory.apart_m = [-found.at_most; ELEMENTS];
+                memory.apart = Apart::all(-found.at_most);
                 return;
             }
-            memory.apart_m = [0.0; ELEMENTS];
+            memory.apart = Apart::UNKNOWN;
         }
         petal_load(pairing, &self.elastic(), memory, out);
     }

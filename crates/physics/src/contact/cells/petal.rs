@@ -4,7 +4,7 @@ use docktwin_core::DVec3;
 
 use super::{Elastic, Load, Touch, first_share};
 use crate::contact::{
-    memory::{FAR_M, PairMemory},
+    memory::PairMemory,
     search::{KeptProof, Pairing, Place, Rect, Start, deepest},
 };
 
@@ -161,10 +161,8 @@ fn place_of<P: OnPetal<N>, const N: usize>(
     memory: &mut PairMemory<'_>,
     near: impl FnOnce(&Rect<N>) -> [f64; N],
 ) -> Option<Place<N, P::Aim>> {
-    if memory.apart_m[number] > 0.0 {
-        if memory.apart_m[number] < FAR_M {
-            memory.carry(number);
-        }
+    if memory.apart.is_apart(number) {
+        memory.carry(number);
         return None;
     }
     let (u, s) = span(number);
@@ -174,7 +172,7 @@ fn place_of<P: OnPetal<N>, const N: usize>(
     if best.place.effective > -NEAR_M {
         memory.learn(number, &best.place.z, best.proof.as_ref().map(KeptProof::of));
     }
-    memory.apart_m[number] = -best.at_most;
+    memory.apart.set(number, -best.at_most);
     (best.place.effective > 0.0).then_some(best.place)
 }
 

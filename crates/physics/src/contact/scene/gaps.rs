@@ -1,6 +1,6 @@
 //! Depths as such: of every petal to what is nearest, for eyes, and of every pair, for tests.
 
-use docktwin_core::Pose;
+use docktwin_core::{DQuat, DVec3, Pose};
 
 use super::{Frame, MAX_PETALS, OnPetal, PAIRS, Scene, Start, Stiffness, SurfacePair, deepest};
 
@@ -25,6 +25,33 @@ fn depth<P: OnPetal<N>, const N: usize>(pairing: &P, floor: f64) -> f64 {
 const RIGID: Stiffness = Stiffness { a: 0.0, b: 0.0, power: 0.5 };
 
 impl Scene {
+    /// Roll either way, rad, from the docked position (rings face to face and touching, `R_34 = I`) until a
+    /// petal touches: of the passive ring in the active ring frame, negative and positive. `None` where no
+    /// petal does within 60°, zero where one touches when docked. For reports: takes milliseconds.
+    #[must_use]
+    pub fn roll_play(&self) -> [Option<f64>; 2] {
+        const STEP: f64 = 2e-3;
+        const MOST: u32 = 524;
+        let planes = self.active.ring.ball + self.passive.ring.ball;
+        let half_turn = DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0);
+        let touches = |roll: f64| {
+            let x = Pose::new(DVec3::X * planes, DQuat::from_rotation_x(roll) * half_turn);
+            // The rings touch at any roll.
+            let petals = self.pairs.iter().filter(|p| **p != SurfacePair::RingRing);
+            petals.map(|p| self.depth_of(*p, x, -0.05)).any(|depth| depth >= 0.0)
+        };
+        [-1.0, 1.0].map(|sign| {
+            let first =
+                (0..=MOST).map(|i| f64::from(i) * STEP).find(|roll| touches(sign * roll))?;
+            let (mut free, mut touching) = ((first - STEP).max(0.0), first);
+            while touching - free > 1e-7 {
+                let middle = 0.5 * (free + touching);
+                if touches(sign * middle) { touching = middle } else { free = middle }
+            }
+            Some(touching)
+        })
+    }
+
     /// Gap of every petal, with `x_rp` the pose of the passive ring frame `r4` in the active ring
     /// frame `r3`. Tens of microseconds: for every frame of a picture, not for every step.
     #[must_use]
