@@ -50,7 +50,7 @@ fn oracle_a_whole_run_is_identical_with_the_figures_of_its_summary() {
     let (_at, dir) = recorded(0.35);
     let found = replay(&dir).expect("replayable");
     assert!(found.identical() && found.cut.is_none(), "{found:?}");
-    assert!(found.signals > 100 && found.figures == 15 && found.unknown.is_empty(), "{found:?}");
+    assert!(found.signals > 100 && found.figures == 16 && found.unknown.is_empty(), "{found:?}");
     let (written, page) = report(&dir);
     assert!(written.as_recorded && written.incomplete.is_none());
     assert!(page.contains("as expected") && page.contains("<table class=\"loads\">"));

@@ -9,6 +9,7 @@ pub mod body;
 pub mod contact;
 pub mod hydraulics;
 pub mod initial;
+pub mod limits;
 pub mod mechanism;
 pub mod mounted;
 pub mod outcome;

@@ -7,7 +7,7 @@ use crate::{
     attenuator::{self, AttenuatorForce, AttenuatorGeometry, AttenuatorState, Deflection},
     body::{MIDPOINT_ITERATIONS, MassProperties},
     contact::{ContactState, Contacts, Scene, SurfacePair},
-    outcome::Loads,
+    limits::Loads,
     stick::StickContact,
 };
 

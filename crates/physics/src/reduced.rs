@@ -8,8 +8,8 @@ use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 
 use crate::{
     body::BodyState,
+    limits::LimitPassed,
     mechanism::{CHASER, Kick, Measured, MechanismState, Midpoint, RING, System, TARGET},
-    outcome::LimitPassed,
 };
 
 /// Control wrenches of a tick, about the mass centres, in body axes: F1, M1 and F2, M2.

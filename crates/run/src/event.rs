@@ -3,7 +3,7 @@
 use docktwin_control::safety::Trip;
 use docktwin_core::{SimTime, Tick};
 use docktwin_hil::scheduler::Phase;
-use docktwin_physics::{contact::SurfacePair, mechanism::LatchPhase, outcome::LimitPassed};
+use docktwin_physics::{contact::SurfacePair, limits::LimitPassed, mechanism::LatchPhase};
 use docktwin_record::{Event, Outcome};
 use docktwin_scenario::Body;
 use serde_json::{Value, json};

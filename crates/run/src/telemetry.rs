@@ -6,10 +6,10 @@ use docktwin_core::{DVec3, PORT_CONTACT_N, Pose, Wrench};
 use docktwin_hil::scheduler::TickRecord;
 use docktwin_physics::{
     body::BodyState,
+    limits::{LimitPassed, Loads},
     mechanism::{
         CHASER, EnergyLosses, LatchPhase, LatchState, MechanismState, RING, System, TARGET,
     },
-    outcome::{LimitPassed, Loads},
     reduced::{DockingState, Energy},
 };
 use docktwin_record::{Cell, Column};

@@ -7,8 +7,8 @@ use docktwin_model::{ContactLaw, NormalLaw};
 use super::{
     cells::{Load, Touch},
     law,
+    look::Look,
     memory::{Apart, ContactState, MOST_PAIRS, MOST_PLACES, Seeds, Track},
-    scene::Look,
 };
 
 /// One place, in the active ring's frame.

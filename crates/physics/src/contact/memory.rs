@@ -5,7 +5,7 @@ use docktwin_core::{DVec3, Pose, StateHasher};
 
 use super::{
     cells::{CELLS, ELEMENTS},
-    scene::PAIRS,
+    pair::PAIRS,
     search::{KeptProof, Rect, Start},
 };
 

@@ -7,10 +7,13 @@ mod cells;
 mod contacts;
 mod geometry;
 pub mod law;
+mod look;
 mod memory;
+mod pair;
 mod scene;
 mod search;
 
 pub use contacts::{ContactEnergy, ContactSample, Contacts};
 pub use memory::ContactState;
-pub use scene::{PAIRS, PetalGaps, Scene, SurfacePair};
+pub use pair::{PAIRS, SurfacePair};
+pub use scene::{PetalGaps, Scene};

@@ -1,6 +1,6 @@
 //! The surfaces of both sides and their pairs.
 
-use docktwin_core::{DMat3, DVec3, Pose};
+use docktwin_core::{DVec3, Pose};
 use docktwin_model::{ContactLaw, DockingMechanism, NormalLaw, SideGeometry};
 
 use super::{
@@ -11,107 +11,15 @@ use super::{
     contacts::Contacts,
     geometry::{Circle, Sheet, off_axis},
     law,
+    look::{Frame, Look, MEETING_M},
     memory::{Apart, ContactState, PairMemory},
+    pair::{MAX_PETALS, PAIRS, SurfacePair},
     search::{Lift, OnCircle, OnSheet, Start, Stiffness, deepest, follow},
 };
 
 mod gaps;
 
 pub use gaps::PetalGaps;
-
-/// Most petals a side may have.
-pub(crate) const MAX_PETALS: usize = 3;
-/// Numbers of pairs of surfaces: ring–ring, 3 active petals on the passive ring, 3 passive petals on the
-/// active ring, 9 pairs of petals.
-pub const PAIRS: usize = 1 + 2 * MAX_PETALS + MAX_PETALS * MAX_PETALS;
-
-/// One pair of surfaces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SurfacePair {
-    /// Active ring on passive ring.
-    RingRing,
-    /// Active petal on passive ring.
-    PetalRing(usize),
-    /// Active ring on passive petal.
-    RingPetal(usize),
-    /// Active petal on passive petal.
-    PetalPetal(usize, usize),
-}
-
-impl SurfacePair {
-    /// From its number below [`PAIRS`].
-    #[must_use]
-    pub fn from_index(i: usize) -> Self {
-        match i {
-            0 => Self::RingRing,
-            1..=3 => Self::PetalRing(i - 1),
-            4..=6 => Self::RingPetal(i - 4),
-            _ => Self::PetalPetal((i - 7) / MAX_PETALS, (i - 7) % MAX_PETALS),
-        }
-    }
-
-    /// Its number.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        match self {
-            Self::RingRing => 0,
-            Self::PetalRing(i) => 1 + i,
-            Self::RingPetal(i) => 4 + i,
-            Self::PetalPetal(a, p) => 7 + MAX_PETALS * a + p,
-        }
-    }
-}
-
-impl core::fmt::Display for SurfacePair {
-    /// Petals are numbered from 1; those of the passive side carry a prime.
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::RingRing => write!(f, "active ring · passive ring"),
-            Self::PetalRing(i) => write!(f, "active petal {} · passive ring", i + 1),
-            Self::RingPetal(i) => write!(f, "active ring · passive petal {}'", i + 1),
-            Self::PetalPetal(a, p) => {
-                write!(f, "active petal {} · passive petal {}'", a + 1, p + 1)
-            }
-        }
-    }
-}
-
-/// A pose with its rotation as a matrix: for many points.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Frame {
-    pub(crate) r: DMat3,
-    pub(crate) p: DVec3,
-}
-
-impl Frame {
-    const IDENTITY: Self = Self { r: DMat3::IDENTITY, p: DVec3::ZERO };
-
-    fn of(x: Pose) -> Self {
-        Self { r: DMat3::from_quat(x.q), p: x.p }
-    }
-
-    /// About the X axis.
-    fn turned(angle: f64) -> Self {
-        Self { r: DMat3::from_rotation_x(angle), p: DVec3::ZERO }
-    }
-
-    fn inverse(&self) -> Self {
-        let r = self.r.transpose();
-        Self { r, p: -(r * self.p) }
-    }
-
-    pub(crate) fn point(&self, x: DVec3) -> DVec3 {
-        self.r * x + self.p
-    }
-}
-
-impl core::ops::Mul for Frame {
-    type Output = Self;
-
-    fn mul(self, rhs: Self) -> Self {
-        Self { r: self.r * rhs.r, p: self.r * rhs.p + self.p }
-    }
-}
 
 /// One side: its ring, and its petals, which are alike but for their azimuths.
 #[derive(Clone, Debug)]
@@ -269,32 +177,6 @@ impl Scene {
         }
     }
 }
-
-/// The pair at hand, and what is remembered of it.
-pub(crate) struct Look<'a> {
-    pub(crate) state: &'a ContactState,
-    pub(crate) pair: usize,
-    /// Frame of the pair's first surface in the active ring's.
-    pub(crate) first: Frame,
-    /// −1 where the first surface is the passive one.
-    pub(crate) sign: f64,
-}
-
-impl Look<'_> {
-    /// The deepest cell of the step before, with the normal in the first surface's frame and the depth, where
-    /// the cores are about to meet or have met.
-    fn meeting(&self, sum: f64) -> Option<(usize, DVec3, f64)> {
-        let t = self.state.of_pair(self.pair).max_by(|a, b| a.depth.total_cmp(&b.depth))?;
-        (t.depth > sum - ABOUT_TO_MEET_M).then(|| {
-            (usize::from(t.cell), self.first.r.transpose() * t.normal * self.sign, t.depth)
-        })
-    }
-}
-
-/// Cores this near are followed by the side on which they were, m.
-const MEETING_M: f64 = 1e-3;
-/// A place this near to meeting is looked at with its side first, m.
-const ABOUT_TO_MEET_M: f64 = 5e-3;
 
 fn eighths_neighbour(a: usize, b: usize) -> bool {
     let d = a.abs_diff(b);
