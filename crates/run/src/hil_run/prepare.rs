@@ -17,7 +17,7 @@ use docktwin_hil::{
     identify::Identification,
     scheduler::{Approach, Check, LoopSetup, RigParameters, TickRecord},
 };
-use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig_from};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, SAG_REMEDY, load_rig_from, sag_refusal};
 use docktwin_physics::{body::BodyState, mechanism::System, programme::Programme};
 use docktwin_rigport::in_process::InProcess;
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
@@ -172,6 +172,12 @@ impl<'a> HilRun<'a> {
         let hil = &scenario.hil;
         let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
         let (system, bodies) = start(scenario)?;
+        if let Some(what) = sag_refusal(&rig, system.mechanism()) {
+            return Err(RunError::usage(
+                format!("{what}: {}", rig_path.with_extension("toml").display()),
+                SAG_REMEDY,
+            ));
+        }
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);
