@@ -6,9 +6,9 @@
 //! the rig, and the true relative pose of its halves; that is what the test does to the article. The latter
 //! is known of emulated rigs only.
 //!
-//! Both sides are laid over each other at their first contacts, interpolated below the tick: a shift of
-//! 1 ms alone would be 1 to 3 % of the force. One shift serves both comparisons, so the lag of a sensor
-//! stays an error of what is felt.
+//! Each is laid over the simulated system at its own first contact, interpolated below the tick: a shift of
+//! 1 ms alone would be 1 to 3 % of the force. With a lead the hardware touches early by the lag of the sensor
+//! that the lead makes up for, while what is felt is in time.
 //!
 //! The simulated system runs beside the loop's record tick by tick, and everything is summed as it comes:
 //! nothing of a run's length is kept. This is the only place that says what a figure of fidelity means;
@@ -28,7 +28,7 @@ use docktwin_physics::{
     mechanism::{CHASER, LatchPhase, System, TARGET},
     reduced::Inputs,
 };
-use docktwin_record::{Fidelity, FidelityOf};
+use docktwin_record::Fidelity;
 use docktwin_rigport::message::{Capabilities, wrench};
 
 use crate::{
@@ -170,28 +170,39 @@ fn simulated(twin: &mut TickedTwin, time_s: f64, control: &Inputs) -> (Trace, La
     (out, LatchTimes { latched_s: latched })
 }
 
-/// Both sides from their first contacts on.
+/// One comparison: both sides from their first contacts on.
 #[derive(Clone, Debug, Default)]
 struct Aligned {
+    hil: FirstContact,
+    sim: FirstContact,
     /// Ticks of the loop not yet paired, and the tick of the first of them.
-    hil: VecDeque<Trace>,
-    hil_tick: usize,
-    sim: VecDeque<Trace>,
-    sim_tick: usize,
+    hil_ticks: VecDeque<PortState>,
+    hil_first: usize,
+    sim_ticks: VecDeque<PortState>,
+    sim_first: usize,
     too_far: bool,
-    felt: Windows,
-    hardware: Windows,
-    /// Kinetic energies of the last pair, J.
-    kinetic_j: Option<[f64; 2]>,
+    windows: Windows,
 }
 
 impl Aligned {
-    /// Takes the traces of a tick in; both sides keep one tick before their first contact, between which
-    /// and the next it lies.
-    fn add(&mut self, tick: usize, [hil, sim]: [&Trace; 2], touched: [bool; 2]) {
-        for (queue, first, trace, on) in [
-            (&mut self.hil, &mut self.hil_tick, hil, touched[0]),
-            (&mut self.sim, &mut self.sim_tick, sim, touched[1]),
+    /// Takes a tick of both sides in.
+    fn add(
+        &mut self,
+        hil: (&PortState, f64),
+        sim: (&PortState, f64),
+        latches: &LatchTimes,
+        start_j: f64,
+    ) {
+        let tick = self.hil.ticks();
+        self.hil.add(hil.0, hil.1);
+        self.sim.add(sim.0, sim.1);
+        if self.too_far {
+            return;
+        }
+        // Both keep one tick before their first contact: between it and the next the contact begins.
+        for (queue, first, state, on) in [
+            (&mut self.hil_ticks, &mut self.hil_first, hil.0, self.hil.touched()),
+            (&mut self.sim_ticks, &mut self.sim_first, sim.0, self.sim.touched()),
         ] {
             if !on {
                 queue.clear();
@@ -199,52 +210,43 @@ impl Aligned {
             if queue.is_empty() {
                 *first = tick;
             }
-            queue.push_back(*trace);
+            queue.push_back(*state);
         }
-        if self.hil.len().max(self.sim.len()) > MOST_APART {
+        if self.hil_ticks.len().max(self.sim_ticks.len()) > MOST_APART {
             self.too_far = true;
-            (self.hil, self.sim) = Default::default();
+            (self.hil_ticks, self.sim_ticks) = Default::default();
+        }
+        if let [Some(h), Some(s)] = [self.hil.begin(), self.sim.begin()] {
+            self.pair(h - s, s, latches, start_j);
         }
     }
 
     /// Pairs what can be paired: the simulated tick k with the loop's k + `shift`, from the simulated first
     /// contact at `from` on.
     fn pair(&mut self, shift: f64, from: f64, latches: &LatchTimes, start_j: f64) {
-        while let Some(sim) = self.sim.front().copied() {
+        while let Some(sim) = self.sim_ticks.front().copied() {
             #[expect(clippy::cast_precision_loss, reason = "ticks")]
-            let (k, first) = (self.sim_tick as f64, self.hil_tick as f64);
-            if k >= from {
-                let at = k + shift - first;
-                if at < 0.0 {
-                    // Rounding at the very edge.
-                    self.sim.pop_front();
-                    self.sim_tick += 1;
-                    continue;
-                }
+            let (k, first) = (self.sim_first as f64, self.hil_first as f64);
+            let at = k + shift - first;
+            // Below 0 by rounding at the very edge alone.
+            if k >= from && at >= 0.0 {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "≥ 0")]
                 let i = at as usize;
-                let part = at.fract();
-                let (Some(a), Some(b)) = (self.hil.get(i), self.hil.get(i + 1)) else { return };
-                let (a, b) = (*a, *b);
+                let [Some(a), Some(b)] = [self.hil_ticks.get(i), self.hil_ticks.get(i + 1)] else {
+                    return;
+                };
                 let when = When {
-                    part,
+                    part: at.fract(),
                     since_s: (k - from) * tick_s(),
                     ends: latches.windows_s(from * tick_s()),
                     start_j,
                 };
-                self.felt.add(&[a.felt, b.felt], &sim.felt, &when);
-                if let (Some(x), Some(y)) = (a.hardware, b.hardware) {
-                    self.hardware.add(&[x, y], &sim.felt, &when);
-                }
-                self.kinetic_j =
-                    Some([a.kinetic_j + (b.kinetic_j - a.kinetic_j) * part, sim.kinetic_j]);
-                for _ in 0..i {
-                    self.hil.pop_front();
-                    self.hil_tick += 1;
-                }
+                self.windows.add(&[*a, *b], &sim, &when);
+                self.hil_ticks.drain(..i);
+                self.hil_first += i;
             }
-            self.sim.pop_front();
-            self.sim_tick += 1;
+            self.sim_ticks.pop_front();
+            self.sim_first += 1;
         }
     }
 }
@@ -257,58 +259,51 @@ const fn tick_s() -> f64 {
 /// Both sides, tick by tick, and what follows from them.
 #[derive(Clone, Debug, Default)]
 struct Comparison {
-    hil: FirstContact,
-    sim: FirstContact,
-    aligned: Aligned,
-    /// Kinetic energy at the start, J.
+    felt: Aligned,
+    hardware: Aligned,
+    /// Kinetic energy at the start, J, and of both sides at the last tick.
     start_j: Option<f64>,
+    last_j: [f64; 2],
     sim_latches: LatchTimes,
 }
 
 impl Comparison {
     fn add(&mut self, hil: &Trace, sim: &Trace, sim_latches: LatchTimes) {
-        let tick = self.hil.ticks();
         self.sim_latches = sim_latches;
         let start_j = *self.start_j.get_or_insert(sim.kinetic_j);
-        self.hil.add(hil);
-        self.sim.add(sim);
-        if self.aligned.too_far {
-            return;
-        }
-        let begins = [self.hil.begin(), self.sim.begin()];
-        self.aligned.add(tick, [hil, sim], begins.map(|b| b.is_some()));
-        if let [Some(h), Some(s)] = begins {
-            self.aligned.pair(h - s, s, &self.sim_latches, start_j);
+        self.last_j = [hil.kinetic_j, sim.kinetic_j];
+        let truth = (&sim.felt, sim.speed_m_s);
+        self.felt.add((&hil.felt, hil.speed_m_s), truth, &sim_latches, start_j);
+        if let Some(hardware) = &hil.hardware {
+            self.hardware.add((hardware, hil.speed_m_s), truth, &sim_latches, start_j);
         }
     }
 
     fn fidelity(&self, latches: &RigLatches) -> Fidelity {
+        let sim = &self.sim_latches;
+        let felt = self.felt.windows.of_pairs(latches.told(), sim);
+        let hardware = self.hardware.windows.of_pairs(latches.interpolated(), sim);
         let mut out = Fidelity {
-            felt: Some(FidelityOf::default()),
-            hardware: Some(FidelityOf::default()),
+            felt: Some(felt.unwrap_or_default()),
+            hardware: Some(hardware.unwrap_or_default()),
             ..Fidelity::default()
         };
-        let (Some(h), Some(s)) = (self.hil.begin(), self.sim.begin()) else { return out };
+        // What the keys without `felt` or `hardware` mean: the article's truth where it is known.
+        let best = if self.hardware.hil.ticks() > 0 { &self.hardware } else { &self.felt };
+        let (Some(h), Some(s)) = (best.hil.begin(), best.sim.begin()) else { return out };
         out.first_contact_difference_s = Some((h - s) * tick_s());
         if let (Some((h_ticks, h_ratio)), Some((s_ticks, s_ratio))) =
-            (self.hil.over(), self.sim.over())
+            (best.hil.over(), best.sim.over())
         {
             out.R_T = (s_ticks >= SHORTEST_TICKS).then(|| h_ticks / s_ticks);
             out.R_e = Some(h_ratio / s_ratio);
         }
-        let a = &self.aligned;
-        if let (Some([h, s]), Some(start)) = (a.kinetic_j, self.start_j) {
-            out.delta_energy = Some((h - s) / start);
-        }
-        let felt = a.felt.of_pairs(latches.told(), &self.sim_latches).unwrap_or_default();
-        let hardware = a.hardware.of_pairs(latches.interpolated(), &self.sim_latches);
-        // What the keys without `felt` or `hardware` mean: the article's truth where it is known.
-        let best = hardware.unwrap_or(felt).whole_run;
-        out.peak_force_ratio = best.peak_force_ratio;
-        out.nrms_force = best.nrms_force;
-        out.nrms_pose = best.nrms_pose;
-        out.felt = Some(felt);
-        out.hardware = Some(hardware.unwrap_or_default());
+        let [h, s] = self.last_j;
+        out.delta_energy = self.start_j.map(|start| (h - s) / start);
+        let whole = hardware.or(felt).unwrap_or_default().whole_run;
+        out.peak_force_ratio = whole.peak_force_ratio;
+        out.nrms_force = whole.nrms_force;
+        out.nrms_pose = whole.nrms_pose;
         out
     }
 }

@@ -56,7 +56,10 @@ fn oracle_a_shift_is_no_error() {
     for shift in [0.0, 0.0004, 0.0137, -0.0263] {
         let f = compared(|t| side(blow(t - 0.1 - shift), blow(t - 0.1 - shift)), [None; 3], 600);
         let told = f.first_contact_difference_s.expect("contact in both");
-        assert!((told - shift).abs() < 2e-6, "{told} {shift}");
+        // A sine carried on as the line of its ticks t₁, t₂ is off by RATE² t₁ t₂ (t₁ + t₂)/6, at most
+        // RATE² tick³ on either side.
+        let most = 2.0 * RATE * RATE * tick_s().powi(3);
+        assert!((told - shift).abs() < most, "{told} {shift}");
         assert!((f.R_T.expect("a contact of 0.2 s") - 1.0).abs() < 1e-4);
         for of in [f.felt, f.hardware] {
             let w = of.expect("always").whole_run;
@@ -104,25 +107,44 @@ fn oracle_a_larger_blow_is_larger_by_its_part() {
     let spread = hardware.window_s.expect("whole run") / 12.0_f64.sqrt();
     is(hardware.nrms_pose, 1e-3 / (0.1 * spread));
     is(hardware.nrms_attitude, 1e-3 / (0.05 * spread));
-    // What is felt is the simulated blow: the larger one begins a little earlier, and no more.
+    // What is felt is the simulated blow.
     let felt = f.felt.expect("always").whole_run;
-    let earlier = onset_s(1.1 * PEAK_N) - onset_s(PEAK_N);
-    assert!(felt.nrms_force.expect("defined") < 1.1 * RATE * earlier.abs() + 1e-3);
+    assert!(felt.nrms_force.expect("defined") < 1e-3);
     // The keys without a part are of the hardware.
     assert_eq!(f.nrms_force, hardware.nrms_force);
     assert_eq!(f.nrms_pose, hardware.nrms_pose);
 }
 
-/// A sensor that lags by τ: the hardware is right, what is felt is late by 2 sin(ω τ/2) of the sine, and a
-/// little more at the edges.
+/// A sensor that lags by τ: the wave is right, but what is felt belongs to a port that has gone on by v τ.
 #[test]
-fn oracle_a_lagging_sensor_is_an_error_of_what_is_felt() {
+fn oracle_a_lagging_sensor_is_felt_off_its_place() {
     let lag = 0.002;
-    let f = compared(|t| side(blow(t - 0.1), blow(t - 0.1 - lag)), [None; 3], 600);
-    assert!(f.hardware.expect("always").whole_run.nrms_force.expect("defined") < 1e-3);
-    let felt = f.felt.expect("always").whole_run.nrms_force.expect("defined");
-    let expected = 2.0 * (0.5 * RATE * lag).sin();
-    assert!((felt - expected).abs() < 0.02 * expected, "{felt} {expected}");
+    let late = |t: f64| PortState { wrench: blow(t - 0.1 - lag).wrench, ..blow(t - 0.1) };
+    let f = compared(|t| side(blow(t - 0.1), late(t)), [None; 3], 600);
+    let hardware = f.hardware.expect("always").whole_run;
+    assert!(hardware.nrms_force.expect("defined") < 1e-3);
+    assert!(hardware.nrms_pose.expect("defined") < 1e-3);
+    let felt = f.felt.expect("always").whole_run;
+    assert!(felt.nrms_force.expect("defined") < 1e-3);
+    let spread = felt.window_s.expect("whole run") / 12.0_f64.sqrt();
+    let (found, expected) = (felt.nrms_pose.expect("defined"), lag / spread);
+    assert!((found - expected).abs() < 2e-3 * expected, "{found} {expected}");
+}
+
+/// Force and motion do not fit each other: a wave of another shape is told by what its difference is.
+#[test]
+fn oracle_another_wave_is_told_by_its_difference() {
+    // A third harmonic of a tenth: RMS 0.1 of that of the fundamental.
+    let bent = |t: f64| {
+        let mut s = blow(t - 0.1);
+        if (0.1..0.1 + BLOW_S).contains(&t) {
+            s.wrench.f.y += 0.1 * PEAK_N * (3.0 * RATE * (t - 0.1)).sin();
+        }
+        s
+    };
+    let f = compared(|t| side(bent(t), bent(t)), [None; 3], 600);
+    let found = f.hardware.expect("always").whole_run.nrms_force.expect("defined");
+    assert!((found - 0.1).abs() < 5e-4, "{found}");
 }
 
 /// Windows end where the simulated system latches, whatever comes later.
@@ -140,11 +162,12 @@ fn oracle_windows_end_with_the_latches() {
     let h = f.hardware.expect("always");
     let first = h.to_first_latch;
     assert!((first.peak_force_ratio.expect("defined") - 1.0).abs() < 1e-4);
-    assert!((first.window_s.expect("it latched") - (0.35 - 0.1 - onset_s(PEAK_N))).abs() < 1e-3);
+    assert!((first.window_s.expect("it latched") - (0.35 - 0.1 - onset_s(PEAK_N))).abs() < 1.1e-3);
     let capture = h.to_capture;
     assert!((capture.peak_force_ratio.expect("defined") - 2.0).abs() < 1e-3);
     assert!(
-        (capture.window_s.expect("it was captured") - (1.38 - 0.1 - onset_s(PEAK_N))).abs() < 1e-3
+        (capture.window_s.expect("it was captured") - (1.38 - 0.1 - onset_s(PEAK_N))).abs()
+            < 1.1e-3
     );
     // A run that ends before has no such window, nor has one that never latches.
     let short = compared(hil, [Some(0.35), Some(0.36), Some(0.38)], 1000);
