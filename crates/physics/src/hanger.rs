@@ -213,7 +213,8 @@ mod tests {
         let (friction, most, k) = (20.0_f64, 10.0, 2e5);
         let weight = 0.02 * 9.81 * RING_KG;
         for added in [2.0, 0.0] {
-            let slowly = |t: f64| weight + most * (t / 20.0).min(1.0);
+            // Without a jerk, which would leave a swing: a bristle creeps under one.
+            let slowly = |t: f64| weight + most * (t / 20.0).powi(2) * (3.0 - t / 10.0);
             let moved = ring(hanger(friction, added, 0.05), 0.0, slowly, 160_000);
             let given = (1.0 / (1.0 - most / friction)).ln();
             let way = if added > 0.0 {
@@ -229,11 +230,13 @@ mod tests {
     /// Above it it slips, and the whole of it is felt.
     #[test]
     fn oracle_friction_slips_above_break_away() {
-        let slips = ring(hanger(20.0, 2.0, 0.05), 0.0, |_| -40.0, 8_000);
+        let slips = ring(hanger(20.0, 2.0, 0.05), 0.0, |_| -40.0, 16_000);
         let a = (40.0 + 0.02 * 9.81 * RING_KG - 20.0) / (RING_KG + 2.0);
-        let t = 8_000.0 * H;
-        let way = -0.5 * a * t * t;
-        assert!((slips[7_999] - way).abs() < 2e-3 * way.abs(), "{} {way}", slips[7_999]);
+        // Second difference over the last second: the swing of the first blow has died away.
+        let [x0, x1, x2] = [7_999, 11_999, 15_999].map(|i: usize| slips[i]);
+        let t = 4_000.0 * H;
+        let found = -(x2 - 2.0 * x1 + x0) / (t * t);
+        assert!((found - a).abs() < 1e-3 * a, "{found} {a}");
     }
 
     /// A rope does not push: a ring thrown upwards faster than the balance follows feels its weight alone.

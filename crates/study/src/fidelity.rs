@@ -37,8 +37,8 @@ pub enum Cause {
 /// Fastest sensor and valve of a rig without that cause, Hz.
 const FAST_HZ: f64 = 5000.0;
 const FAST_VALVE_HZ: f64 = 1000.0;
-/// Friction of a rig without it, of the friction in the file.
-const NO_FRICTION: f64 = 1e-6;
+/// What is left of friction and noise in a rig without them: a sensor that never changes counts as dead.
+const NEARLY_NONE: f64 = 1e-6;
 /// Dead time of a rig without delay, s: the tick from a command to its arrival.
 const ONE_TICK_S: f64 = 0.001;
 
@@ -77,7 +77,10 @@ impl Cause {
             // A setting of the loop, not of the rig.
             Self::SensorScheme => {}
             Self::Noise => {
-                sensors(&|s| (s.noise, s.quantum, s.drift_per_s) = ([0.0; 2], [0.0; 2], [0.0; 2]));
+                sensors(&|s| {
+                    s.noise = s.noise.map(|x| x * NEARLY_NONE);
+                    (s.quantum, s.drift_per_s) = ([0.0; 2], [0.0; 2]);
+                });
                 if let Some(s) = &mut rig.sensors {
                     (s.length_noise_m, s.length_quantum_m, s.pressure_noise_n) = (0.0, 0.0, 0.0);
                 }
@@ -88,8 +91,8 @@ impl Cause {
             }),
             Self::Delay => rig.valve.dead_time_s = rig.valve.dead_time_s.min(ONE_TICK_S),
             Self::LegFriction => {
-                rig.friction.coulomb_n *= NO_FRICTION;
-                rig.friction.static_n *= NO_FRICTION;
+                rig.friction.coulomb_n *= NEARLY_NONE;
+                rig.friction.static_n *= NEARLY_NONE;
             }
             Self::Valve => {
                 rig.valve.natural_frequency_hz = rig.valve.natural_frequency_hz.max(FAST_VALVE_HZ);
