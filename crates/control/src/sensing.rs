@@ -42,7 +42,7 @@ pub struct Conditioning {
     scheme: SensorScheme,
     /// What sensor B carries, as believed.
     payload: Payload,
-    /// Weight of the ring, N, in `e3`: its moment at sensor A depends on the position of the ring.
+    /// Weight of the ring that no balance carries, N, in `e3`: its moment at sensor A depends on the position of the ring.
     ring_weight: DVec3,
     tare: Readings,
     sum: Readings,

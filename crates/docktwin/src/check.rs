@@ -23,11 +23,15 @@ use crate::{
 pub(crate) enum ModelCommand {
     /// Tell everything read, refused or ignored in a URDF or its TOML, all problems at once
     #[command(
-        after_help = "Examples:\n  docktwin model check models/urdf/apas_active.urdf\n  docktwin model check models/urdf/chaser_8t.toml --json"
+        after_help = "Examples:\n  docktwin model check models/urdf/apas_active.urdf\n  docktwin model check models/urdf/chaser_8t.toml --json\n  docktwin model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf"
     )]
     Check {
-        /// URDF or TOML of a spacecraft or of one side of a mechanism
+        /// URDF or TOML of a spacecraft, of one side of a mechanism or of a rig
         file: PathBuf,
+        /// Active side of the mechanism that is to stand on the rig: its static sag there, and what the
+        /// weight takes of every brake and travel
+        #[arg(long, value_name = "ACTIVE")]
+        mechanism: Option<PathBuf>,
     },
     /// Explain a key of the TOML of spacecraft, mechanisms and rigs, or all of them
     #[command(
@@ -78,7 +82,9 @@ pub(crate) enum ScenarioCommand {
 /// Runs `model …`.
 pub(crate) fn model(command: &ModelCommand, json: bool) -> Result<ExitCode, Failure> {
     match command {
-        ModelCommand::Check { file } => Ok(model_check(file, json)),
+        ModelCommand::Check { file, mechanism } => {
+            Ok(model_check(file, mechanism.as_deref(), json))
+        }
         ModelCommand::Explain { key, kind } => explain_model(key.as_deref(), *kind, json),
     }
 }
@@ -91,8 +97,8 @@ pub(crate) fn scenario(command: &ScenarioCommand, json: bool) -> Result<ExitCode
     }
 }
 
-fn model_check(file: &Path, json: bool) -> ExitCode {
-    let mut report = docktwin_model::model_check(file);
+fn model_check(file: &Path, mechanism: Option<&Path>, json: bool) -> ExitCode {
+    let mut report = docktwin_model::model_check_with(file, mechanism);
     if let Some(mechanism) = report.mechanism.take() {
         let fit = fit_of_surfaces(&mechanism);
         report.read.extend(fit.read);

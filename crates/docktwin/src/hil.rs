@@ -8,7 +8,7 @@ use std::{
 
 use clap::Args;
 use docktwin_playback::ViewerFile;
-use docktwin_record::{Outcome, Summary, Verdict};
+use docktwin_record::{FidelityOf, Outcome, Summary, Verdict};
 use docktwin_rigport::rig::Rig;
 use docktwin_run::{
     Control as _, HilOptions, HilRun, RunDirectory, RunError, Sink,
@@ -223,6 +223,23 @@ fn tell(s: &Summary, scenario: &Scenario, out: &Path) {
             word(f.nrms_pose),
             word(f.delta_energy)
         );
+        for (name, of) in [("felt", f.felt), ("hardware", f.hardware)] {
+            for (window, x) in of.iter().flat_map(FidelityOf::windows) {
+                if x.window_s.is_some() {
+                    println!(
+                        "  {name:<14} {window}: peak {}, NRMS force {}, moment {}, pose {}, impulse {}",
+                        word(x.peak_force_ratio),
+                        word(x.nrms_force),
+                        word(x.nrms_moment),
+                        word(x.nrms_pose),
+                        word(x.impulse_ratio)
+                    );
+                }
+            }
+        }
+        if let Some(late_s) = f.hardware.and_then(|of| of.capture_difference_s) {
+            println!("  capture        {:+.2} ms against the simulated system", late_s * 1e3);
+        }
     }
     if let Some(l) = &s.loop_ {
         println!(

@@ -1,7 +1,9 @@
 //! `validate`: docktwin held against something else. `crosscheck`: the same scenario in MuJoCo, by the
-//! Python side under `validation/`, which shares no code with this one. `single-dof`: the smallest HIL
+//! Python side under `validation/`, which shares no code with this one. `fidelity`: dockings on the rig
+//! against the simulated system. `single-dof`: the smallest HIL
 //! simulation against the simulated system.
 
+mod fidelity;
 mod single_dof;
 mod vibro;
 
@@ -31,6 +33,9 @@ pub(crate) enum ValidateCommand {
     /// Run a scenario in MuJoCo too and compare
     #[command(after_help = CROSSCHECK)]
     Crosscheck(CrosscheckArgs),
+    /// Hold dockings on the emulated rig against the simulated system, and tell what they differ by
+    #[command(after_help = fidelity::EXAMPLES)]
+    Fidelity(fidelity::FidelityArgs),
     /// Run the single-DOF HIL simulation of the paper (Fig. 23 to 26) against the simulated system
     #[command(after_help = single_dof::EXAMPLES)]
     SingleDof(single_dof::SingleDofArgs),
@@ -100,6 +105,7 @@ fn step_ms(text: &str) -> Result<f64, String> {
 pub(crate) fn run(command: &ValidateCommand, json: bool) -> Result<ExitCode, Failure> {
     match command {
         ValidateCommand::Crosscheck(args) => crosscheck(args, json),
+        ValidateCommand::Fidelity(args) => fidelity::run(args, json),
         ValidateCommand::SingleDof(args) => single_dof::run(args, json),
         ValidateCommand::VibroImpact(args) => vibro::run(args, json),
     }

@@ -78,7 +78,8 @@ enum Own {
 struct OnSensors {
     /// In `eb`.
     gravity_m_s2: DVec3,
-    /// Weight that sensor A carries beside the ring: the rack does not move.
+    /// Weight that sensor A carries beside the ring: the rack does not move. Of the ring it carries what the
+    /// balance of the rig leaves; the balance itself stands beside the rack.
     on_a: Wrench,
     /// What sensor B carries.
     on_b: Payload,

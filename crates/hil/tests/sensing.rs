@@ -187,10 +187,19 @@ fn oracle_both_schemes_with_the_docking_mechanism() {
         rate_rad_s: DVec3::ZERO,
     };
     let bodies = initial_state(&system, &conditions, 0.02).bodies;
-    let k = known(1);
+    let mut k = known(1);
     let mut rest = k.stand.middle();
     rest.p.x += 0.25;
-    for scheme in [SensorScheme::Single, SensorScheme::Two] {
+    let balance = k.stand.rig.offload;
+    assert!(balance.is_some(), "the default rig carries its ring");
+    let ways = [
+        (SensorScheme::Single, None),
+        (SensorScheme::Single, balance),
+        (SensorScheme::Two, None),
+        (SensorScheme::Two, balance),
+    ];
+    for (scheme, offload) in ways {
+        k.stand.rig.offload = offload;
         let mut setup = k.stand.loop_setup(&system, &bodies, 0.4, 3000);
         k.apply(&mut setup, scheme);
         let records = k.stand.run(setup, system.clone(), &rest);
@@ -200,6 +209,15 @@ fn oracle_both_schemes_with_the_docking_mechanism() {
         assert!(a.within());
         if scheme == SensorScheme::Two {
             assert!(b.within() && b.worst[0] < 8.0);
+        } else if let Some(balance) = offload {
+            // The balance pulls at the ring too: its moving mass by its part of the ring's inertia, its
+            // friction, and as much again while the moving mass swings on the rope.
+            let [ring_n, left_n] = ring_inertia_n(&records, system.ring_mass_kg());
+            let part = balance.added_mass_kg / system.ring_mass_kg();
+            println!(
+                "        with a balance {ring_n:.0} N; without the ring's inertia {left_n:.1} N"
+            );
+            assert!(left_n < 2.0 * (part * ring_n + balance.friction_n));
         } else {
             // (12) leaves out that the ring resists: it is for light rings, and nothing else is missing.
             let [ring_n, left_n] = ring_inertia_n(&records, system.ring_mass_kg());

@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
+use crate::Rig;
 use crate::input;
 use crate::keys::FileKind;
 use crate::load_mechanism::{join, mated_fit, read_active, read_passive};
@@ -10,6 +11,7 @@ use crate::load_spacecraft::read_spacecraft;
 use crate::mechanism::DockingMechanism;
 use crate::problem::{Findings, Note, Problem, ReadValue};
 use crate::rig_check;
+use crate::sag::{SAG_REMEDY, Sag, sag_refusal, static_sag};
 use crate::toml_check::Checker;
 
 /// The `kind` of a TOML file, if it can be read.
@@ -109,11 +111,27 @@ impl Report {
 /// side.
 #[must_use]
 pub fn model_check(path: &Path) -> Report {
+    model_check_with(path, None)
+}
+
+/// As [`model_check`]; a rig also with the mechanism, named by its active side, that is to stand on it: how
+/// far it sags there, and whether it stays within its travel.
+#[must_use]
+pub fn model_check_with(path: &Path, mechanism: Option<&Path>) -> Report {
     let urdf = path.with_extension("urdf");
     let mut out = Findings::default();
     // Another file of the same name is not the one that was asked about.
     let named = path.extension().is_some_and(|e| e == "urdf" || e == "toml");
     let kind = named.then(|| kind_of(&path.with_extension("toml"))).flatten();
+    if mechanism.is_some() && kind.is_some_and(|k| k != FileKind::Rig) {
+        out.problems.push(Problem {
+            file: path.into(),
+            key: "kind".into(),
+            what: "is no rig, and a mechanism stands on rigs only".into(),
+            remedy: "name a rig, or leave --mechanism out".into(),
+            ..Problem::default()
+        });
+    }
     match kind {
         Some(FileKind::Spacecraft) => {
             let read = read_spacecraft(&urdf, true, &mut out);
@@ -124,7 +142,11 @@ pub fn model_check(path: &Path) -> Report {
             let rig = read_rig(&urdf, &mut out);
             // Values derived from wrong numbers are meaningless.
             let rig = rig.filter(|_| out.problems.is_empty());
-            return report(out, rig.map(|r| rig_check::summary(&r)).unwrap_or_default());
+            let mut lines = rig.as_ref().map(rig_check::summary).unwrap_or_default();
+            if let Some((rig, named)) = rig.zip(mechanism) {
+                lines.extend(sag_lines(&rig, &urdf, named, &mut out));
+            }
+            return report(out, lines);
         }
         Some(kind) => {
             let (ours, theirs) = match kind {
@@ -161,6 +183,38 @@ pub fn model_check(path: &Path) -> Report {
         None => unknown_kind(path, &mut out),
     }
     report(out, Vec::new())
+}
+
+/// Sag of a mechanism, named by its active side, on a rig; refuses one that leaves its travel.
+fn sag_lines(rig: &Rig, rig_urdf: &Path, named: &Path, out: &mut Findings) -> Vec<String> {
+    let active_path = named.with_extension("urdf");
+    let stem = active_path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let Some(base) = stem.strip_suffix("_active") else {
+        out.problems.push(Problem {
+            file: named.into(),
+            key: "--mechanism".into(),
+            what: "is not the active side of a mechanism".into(),
+            remedy: "name `…_active.urdf`, with `…_passive.urdf` beside it".into(),
+            ..Problem::default()
+        });
+        return Vec::new();
+    };
+    let passive_path = active_path.with_file_name(format!("{base}_passive.urdf"));
+    let active = read_active(&active_path, true, out);
+    let passive = read_passive(&passive_path, true, out);
+    let joined = active.zip(passive).and_then(|(a, p)| join(a, p, None, out));
+    let Some(mechanism) = joined.filter(|_| out.problems.is_empty()) else { return Vec::new() };
+    if let Some(what) = sag_refusal(rig, &mechanism) {
+        out.problems.push(Problem {
+            file: rig_urdf.with_extension("toml"),
+            key: "gravity.gravity_m_s2".into(),
+            what,
+            remedy: SAG_REMEDY.into(),
+            ..Problem::default()
+        });
+    }
+    let sags = static_sag(rig, &mechanism);
+    sags.iter().filter(|s| s.load > 1e-6).map(Sag::line).collect()
 }
 
 fn report(out: Findings, derived: Vec<String>) -> Report {

@@ -39,6 +39,7 @@ pub mod mesh;
 mod problem;
 mod rig;
 mod rig_check;
+mod sag;
 pub mod sources;
 mod spacecraft;
 mod spacecraft_check;
@@ -46,7 +47,7 @@ mod text;
 pub mod toml_check;
 mod urdf;
 
-pub use check::{Report, model_check};
+pub use check::{Report, model_check, model_check_with};
 pub use keys::contact_ranges;
 pub use load_mechanism::{MatedFit, load_mechanism, load_mechanism_from, mated_fit};
 pub use load_rig::{load_rig, load_rig_from};
@@ -60,9 +61,10 @@ pub use mechanism::{
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{
     DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegHydraulics, LegLimits,
-    LegPart, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor,
-    Spread,
+    LegPart, Offload, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve,
+    SixAxisSensor, Spread,
 };
+pub use sag::{SAG_REMEDY, Sag, sag_refusal, static_sag};
 pub use sources::Sources;
 pub use spacecraft::{Spacecraft, SpacecraftHull};
 pub use urdf::named_meshes;

@@ -11,8 +11,8 @@ use crate::problem::{Findings, Loaded, ModelErrors, Note, Problem};
 use crate::rig_check;
 use crate::urdf::{self, UrdfTree};
 use crate::{
-    DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegLimits, LegPart, OilVolume,
-    Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor, Spread,
+    DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegLimits, LegPart, Offload,
+    OilVolume, Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor, Spread,
 };
 
 /// How well poses and axes of the tree must agree with the closures, m and rad: what is lost when
@@ -67,6 +67,7 @@ struct Said {
     valve: ServoValve,
     friction: SealFriction,
     sensors: Option<RigSensors>,
+    offload: Option<Offload>,
     spread: Spread,
 }
 
@@ -165,6 +166,7 @@ fn read_toml(t: Section<'_, '_, '_>, tree: Option<&UrdfTree>) -> Said {
         hydraulics: t.section("hydraulics", read_hydraulics),
         valve: t.section("valve", read_valve),
         friction: t.section("friction", read_friction),
+        offload: t.optional_section("offload", read_offload),
         spread: t.section("spread", read_spread),
         sensors: t.optional_section("sensors", read_sensors),
     }
@@ -218,6 +220,16 @@ fn read_friction(t: Section<'_, '_, '_>) -> SealFriction {
         );
     }
     friction
+}
+
+fn read_offload(t: Section<'_, '_, '_>) -> Offload {
+    Offload {
+        share: t.number("share"),
+        friction_n: t.number("friction_n"),
+        added_mass_kg: t.number("added_mass_kg"),
+        stiffness_n_m: t.number("stiffness_n_m"),
+        damping_ratio: t.number("damping_ratio"),
+    }
 }
 
 fn read_spread(t: Section<'_, '_, '_>) -> Spread {
@@ -442,6 +454,7 @@ impl Assembly<'_> {
             valve: said.valve,
             friction: said.friction,
             sensors: said.sensors,
+            offload: said.offload,
             spread: said.spread,
             digest: self.out.digest(),
         })

@@ -48,6 +48,8 @@ pub struct Rig {
     pub friction: SealFriction,
     /// Sensors of force and length; `None` where the file has none, and then there is no loop.
     pub sensors: Option<RigSensors>,
+    /// What carries the weight of the ring; `None` where nothing does.
+    pub offload: Option<Offload>,
     /// How far an emulated rig may differ from this file.
     pub spread: Spread,
     /// Digest of the URDF and its TOML.
@@ -144,6 +146,25 @@ impl Leg {
 }
 
 impl Rig {
+    /// Part of the ring's weight that no balance carries, 0 to 1: what the attenuator and sensor A bear.
+    #[must_use]
+    pub fn uncarried(&self) -> f64 {
+        1.0 - self.offload.map_or(0.0, |o| o.share)
+    }
+
+    /// Angle between gravity and the docking axis (X of `e3`, up or down), rad; 0 without gravity.
+    #[must_use]
+    pub fn axis_off_vertical_rad(&self) -> f64 {
+        let g = self.gravity_in_e3_m_s2();
+        g.y.hypot(g.z).atan2(g.x.abs())
+    }
+
+    /// Gravity in `e3`, m/s².
+    #[must_use]
+    pub fn gravity_in_e3_m_s2(&self) -> DVec3 {
+        (self.x_b0 * self.x_03).q.conjugate() * self.gravity_m_s2
+    }
+
     /// Pose of the plate in the ground, `X_bp`, at which the mechanisms have the relative pose
     /// `X_34`.
     #[must_use]
@@ -447,6 +468,37 @@ impl DeadZoneLaw {
     /// Words by which files name the laws.
     pub const WORDS: [(&'static str, Self); 2] =
         [("zeroing", Self::Zeroing), ("subtractive", Self::Subtractive)];
+}
+
+/// The balance on which the moving ring of the active mechanism hangs: a constant lift on a small moving
+/// mass, from which a rope goes down to the mass centre of the ring. It stands beside the rack, so no
+/// sensor carries it, and follows the ring sideways.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Offload {
+    /// Part of the ring's weight that it lifts, above 0, at most 1; what is left sags and uses up brakes.
+    pub share: f64,
+    /// Coulomb friction of its guides and pulleys on the moving mass, N; more holds the ring where it is.
+    pub friction_n: f64,
+    /// Mass that moves with the ring along the docking axis, reduced to the rope, kg; more makes the ring
+    /// heavier along that axis alone.
+    pub added_mass_kg: f64,
+    /// Stiffness of the hanger (rope and frame) between ring and moving mass, N/m; softer lets the ring
+    /// move before the moving mass does. A rope does not push.
+    pub stiffness_n_m: f64,
+    /// Damping of the moving mass on the hanger as a part of the critical one.
+    pub damping_ratio: f64,
+}
+
+impl Offload {
+    /// Natural frequency of the moving mass on the hanger, the ring at rest, Hz; 0 without moving mass.
+    #[must_use]
+    pub fn hanger_hz(&self) -> f64 {
+        if self.added_mass_kg > 0.0 {
+            (self.stiffness_n_m / self.added_mass_kg).sqrt() / TAU
+        } else {
+            0.0
+        }
+    }
 }
 
 /// Half-widths by which an emulated rig may be drawn away from its file.

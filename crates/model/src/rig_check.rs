@@ -55,6 +55,13 @@ fn singularity(rig: &Rig, here: &AtPose) -> (f64, f64) {
     (j.singular_values().min(), j.determinant().signum())
 }
 
+/// Largest angle between gravity and a docking axis along which a balance carries, deg: the force along
+/// the axis is then right within 0.02 %.
+const OFF_VERTICAL_DEG: f64 = 1.0;
+/// Fastest swing of the moving mass of a balance that an emulated rig follows with its steps of
+/// 0.125 ms: ω h is 0.4, and the leapfrog moves it by (ω h)²/24, 0.6 %.
+const FASTEST_HANGER_HZ: f64 = 500.0;
+
 struct Finder<'a> {
     urdf_path: &'a Path,
     toml_path: &'a Path,
@@ -66,6 +73,16 @@ impl Finder<'_> {
         self.out.problems.push(Problem {
             file: self.urdf_path.into(),
             key,
+            what,
+            remedy: remedy.into(),
+            ..Problem::default()
+        });
+    }
+
+    fn refuse_toml(&mut self, key: &str, what: String, remedy: &str) {
+        self.out.problems.push(Problem {
+            file: self.toml_path.into(),
+            key: key.into(),
             what,
             remedy: remedy.into(),
             ..Problem::default()
@@ -89,6 +106,7 @@ pub(crate) fn check(rig: &Rig, urdf_path: &Path, toml_path: &Path, out: &mut Fin
         speed_and_force(rig, &mut f);
     }
     gravity(rig, &mut f);
+    offload(rig, &mut f);
 }
 
 fn joints_apart(rig: &Rig, f: &mut Finder<'_>) {
@@ -391,12 +409,45 @@ fn speed_and_force(rig: &Rig, f: &mut Finder<'_>) {
 }
 
 fn gravity(rig: &Rig, f: &mut Finder<'_>) {
-    let g = (rig.x_b0 * rig.x_03).q.conjugate() * rig.gravity_m_s2;
+    let g = rig.gravity_in_e3_m_s2();
     if g.y.hypot(g.z) > 1e-3 * g.length() {
         f.flag(format!(
             "gravity does not lie along the docking axis: [{:.3}, {:.3}, {:.3}] m/s² in e3",
             g.x, g.y, g.z
         ));
+    }
+}
+
+fn offload(rig: &Rig, f: &mut Finder<'_>) {
+    let Some(o) = rig.offload else { return };
+    let off = rig.axis_off_vertical_rad().to_degrees();
+    if rig.gravity_m_s2.length() < 1e-6 {
+        f.refuse_toml(
+            "offload",
+            "has nothing to carry: gravity.gravity_m_s2 is zero".into(),
+            "remove [offload], or give gravity",
+        );
+    } else if off > OFF_VERTICAL_DEG {
+        f.refuse_toml(
+            "offload",
+            format!(
+                "carries along a vertical docking axis only, and gravity lies {off:.1} deg off this one"
+            ),
+            "turn the docking axis into the vertical, or remove [offload]",
+        );
+    }
+    let hz = o.hanger_hz();
+    if hz > FASTEST_HANGER_HZ {
+        f.refuse_toml(
+            "offload.stiffness_n_m",
+            format!(
+                "lets {} kg swing on the hanger at {hz:.0} Hz, which an emulated rig cannot follow; at \
+                 most {FASTEST_HANGER_HZ:.0} Hz",
+                o.added_mass_kg
+            ),
+            "lower the stiffness, or make the added mass 0, which takes the hanger's stiffness into its \
+             friction",
+        );
     }
 }
 
@@ -438,5 +489,15 @@ pub(crate) fn summary(rig: &Rig) -> Vec<String> {
             h.natural_frequency_hz(rig.plate.mass_kg)
         ));
     }
+    lines.push(match rig.offload {
+        None => "offload = none: the ring's whole weight lies on the mechanism".to_owned(),
+        Some(o) => format!(
+            "offload = {:.1} % of the ring's weight, {} N of friction, {} kg more to move, hanger at {:.1} Hz",
+            100.0 * o.share,
+            o.friction_n,
+            o.added_mass_kg,
+            o.hanger_hz()
+        ),
+    });
     lines
 }

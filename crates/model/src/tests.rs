@@ -771,6 +771,30 @@ fn regress_impossible_rigs_are_refused_by_file() {
             &["hydraulics.area_m2", "mass of link `rod_0`", "joint `tilt_0`"],
         ),
         (
+            &[("toml", "share = { value = 0.98", "share = { value = 1.02")],
+            &["offload.share = 1.02: is out of range"],
+        ),
+        (
+            &[(
+                "toml",
+                "gravity_m_s2 = { value = [-9.81, 0.0, 0.0]",
+                "gravity_m_s2 = { value = [0.0, 0.0, -9.81]",
+            )],
+            &["offload: carries along a vertical docking axis only, and gravity lies 90.0 deg off"],
+        ),
+        (
+            &[(
+                "toml",
+                "gravity_m_s2 = { value = [-9.81, 0.0, 0.0]",
+                "gravity_m_s2 = { value = [0.0, 0.0, 0.0]",
+            )],
+            &["offload: has nothing to carry"],
+        ),
+        (
+            &[("toml", "stiffness_n_m = { value = 2.0e5", "stiffness_n_m = { value = 9.0e7")],
+            &["offload.stiffness_n_m: lets 2 kg swing on the hanger at 1068 Hz"],
+        ),
+        (
             &[("urdf", r#"upper="1.28""#, r#"upper="1.0""#)],
             &[
                 "stroke of leg 0: does not reach the docking workspace: at X−",
@@ -914,6 +938,37 @@ fn regress_impossible_rigs_are_refused_by_geometry() {
     let mut rig = good;
     rig.gravity_m_s2 = DVec3::new(-9.0, 3.9, 0.0);
     says(&rig, &["flagged gravity does not lie along the docking axis"]);
+}
+
+/// What `model check RIG --mechanism ACTIVE` says of the weight: W/k, its share of travel and brake; and
+/// that a mechanism does not stand on a rig that lies.
+#[test]
+fn oracle_a_rig_with_a_mechanism_tells_the_sag() {
+    let active = models().join("apas_active.urdf");
+    let report = crate::model_check_with(&models().join("stewart.toml"), Some(&active));
+    assert!(report.refused.is_empty(), "{:?}", report.refused);
+    // 2 % of 39.1 kg · 9.81 m/s² = 7.67 N on 3e5 N/m, of 150 mm of travel and a brake of 2500 N.
+    let says = "sag, axial = 0.000026 m under 7.67 N, 0.02 % of the travel of 0.15 m, 0.31 % of the brake of \
+                2500 N";
+    assert!(report.read.iter().any(|l| l == says), "{:#?}", report.read);
+
+    let dir = tempfile::tempdir().expect("a folder");
+    for ext in ["urdf", "toml"] {
+        let file = format!("stewart.{ext}");
+        let text = std::fs::read_to_string(models().join(&file)).expect("model");
+        let begin = text.find("[offload]").unwrap_or(text.len());
+        let end = text[begin..].find("# Half-widths").map_or(text.len(), |i| begin + i);
+        let text = format!("{}{}", &text[..begin], &text[end..]);
+        let text = text.replace("[-9.81, 0.0, 0.0]", "[0.0, 0.0, -9.81]");
+        std::fs::write(dir.path().join(file), text).expect("write");
+    }
+    let report = crate::model_check_with(&dir.path().join("stewart.toml"), Some(&active));
+    let refused = report.refused.join("\n");
+    assert!(
+        refused.contains("would sag out of its travel: lateral by 0.4795 m of 0.12 m"),
+        "{refused}"
+    );
+    assert!(crate::model_check_with(&active, Some(&active)).refused[0].contains("is no rig"));
 }
 
 #[test]

@@ -7,6 +7,7 @@ pub mod attenuator;
 pub mod bench;
 pub mod body;
 pub mod contact;
+pub mod hanger;
 pub mod hydraulics;
 pub mod initial;
 pub mod limits;

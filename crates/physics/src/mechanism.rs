@@ -401,6 +401,17 @@ impl System {
         out
     }
 
+    /// Gaps of the latches of a mechanism whose ring stands at its rest moved by `ring`: displacement (m)
+    /// and rotation vector (rad) of its mass-centre frame, in `e3`. `None` without latches.
+    #[must_use]
+    pub fn latch_gaps_at(&self, x_34: &Pose, ring: [DVec3; 2]) -> Option<[LatchGap; 3]> {
+        let moved = Pose::new(ring[0], docktwin_core::DQuat::from_scaled_axis(ring[1]));
+        let target = self.x_bf[CHASER] * *x_34 * self.x_bf[TARGET].inverse();
+        let poses = self.poses(&[Pose::IDENTITY, self.x_c_ring * moved, target]);
+        let x_rp = poses.x_wr.inverse() * poses.x_wp;
+        self.mechanism.latches.as_ref().map(|l| self.latch_gaps(l, x_rp))
+    }
+
     fn latch_gaps(&self, l: &LatchSet, x_rp: Pose) -> [LatchGap; 3] {
         let (a, p) = (&self.mechanism.active.ring, &self.mechanism.passive.ring);
         l.azimuths_rad.map(|az| {

@@ -1,5 +1,6 @@
 //! The mechanism as it stands on the rig: the active side on the rack, the passive one on the plate,
-//! both with weight. The same surfaces, attenuator and latches as in orbit ([`crate::mechanism`]); the
+//! both with weight; a balance ([`crate::hanger`]) may carry
+//! the ring's. The same surfaces, attenuator and latches as in orbit ([`crate::mechanism`]); the
 //! two spacecraft are gone, the ring is still free.
 //!
 //! One step is the leapfrog of [`crate::reduced`], the plate's pose and twist in its middle given.
@@ -9,6 +10,7 @@ use docktwin_model::{Rig, RigidMass};
 
 use crate::{
     body::BodyState,
+    hanger::Hanger,
     mechanism::{EnergyLosses, Forces, Measured, MechanismState, Midpoint, RING, System, TARGET},
 };
 
@@ -108,6 +110,10 @@ impl Payload {
 pub struct Mounted {
     system: System,
     gravity_m_s2: DVec3,
+    /// Weight of the ring that no balance carries, N, in `eb`.
+    uncarried_n: DVec3,
+    /// The balance, at rest; `None` where there is none or no ring moves.
+    hanger: Option<Hanger>,
     /// Chaser's mass-centre frame that has `e3` on the rack, in `eb`.
     x_wc: Pose,
     /// Target's mass-centre frame in the plate.
@@ -119,8 +125,8 @@ pub struct Mounted {
     steps: u64,
     /// Latches are held open.
     open: bool,
-    /// Ring and mechanism where weight and springs hold each other.
-    rest: Option<(MechanismState, BodyState)>,
+    /// Ring, mechanism and balance where weight and springs hold each other.
+    rest: Option<(MechanismState, BodyState, Option<Hanger>)>,
 }
 
 impl Mounted {
@@ -132,6 +138,8 @@ impl Mounted {
         let x_p4 = rig.x_4p.inverse();
         let ring = x_wc * system.ring_at_rest();
         let mut out = Self {
+            uncarried_n: rig.gravity_m_s2 * (system.ring_mass_kg() * rig.uncarried()),
+            hanger: hanger(&system, rig),
             ring: BodyState::new(&system.mass()[RING], ring, DVec3::ZERO, DVec3::ZERO),
             system,
             gravity_m_s2: rig.gravity_m_s2,
@@ -145,7 +153,7 @@ impl Mounted {
             rest: None,
         };
         out.reset();
-        out.rest = Some((out.state.clone(), out.ring));
+        out.rest = Some((out.state.clone(), out.ring, out.hanger));
         out
     }
 
@@ -175,8 +183,9 @@ impl Mounted {
 
     /// Opens the latches and puts the ring to rest, where weight and springs hold each other.
     pub fn reset(&mut self) {
-        if let Some((state, ring)) = &self.rest {
-            (self.state, self.ring, self.steps) = (state.clone(), *ring, 0);
+        if let Some((state, ring, hanger)) = &self.rest {
+            (self.state, self.ring, self.hanger) = (state.clone(), *ring, *hanger);
+            self.steps = 0;
             return;
         }
         self.state = MechanismState::default();
@@ -195,9 +204,15 @@ impl Mounted {
             self.advance(&far, &Twist::default());
             self.ring.v *= 1.0 - SETTLING_DAMPING;
             self.ring.l *= 1.0 - SETTLING_DAMPING;
+            if let Some(hanger) = &mut self.hanger {
+                hanger.calm(SETTLING_DAMPING);
+            }
         }
         self.ring.v = DVec3::ZERO;
         self.ring.l = DVec3::ZERO;
+        if let Some(hanger) = &mut self.hanger {
+            hanger.calm(1.0);
+        }
         self.state.losses = EnergyLosses::default();
         self.steps = 0;
     }
@@ -248,6 +263,12 @@ impl Mounted {
         let start = self.twists(x_bp, twist, com[TARGET]);
         let mut external = [Wrench::ZERO; 3];
         external[RING].f = self.gravity_m_s2 * mass[RING].mass();
+        if let Some(hanger) = &mut self.hanger {
+            hanger.drift(0.5 * h);
+            let moved = self.ring.p - (self.x_wc * self.system.ring_at_rest()).p;
+            external[RING].f += hanger.kick(moved, self.ring.v, h);
+            hanger.drift(0.5 * h);
+        }
         let time_s = self.time_s() + 0.5 * h;
         let ring = self.ring;
         let middle = Midpoint { com, time_s, h };
@@ -289,10 +310,10 @@ impl Mounted {
         let on_rack = if self.system.rigid() {
             -forces.on_target
         } else {
-            // The ring's weight reaches the rack through the attenuator; in orbit it is not there.
-            let weight = self.gravity_m_s2 * self.system.mass()[RING].mass();
+            // What no balance carries of the ring's weight reaches the rack through the attenuator; in
+            // orbit it is not there.
             let at = self.bodies(&Pose::IDENTITY)[RING].p - about;
-            -forces.on_ring_from_attenuator + -Wrench::at(at, weight)
+            -forces.on_ring_from_attenuator + -Wrench::at(at, self.uncarried_n)
         };
         Ports {
             port3: on_rack.shifted(frames.x_w3.p - about).rotated(frames.x_w3.q.conjugate()),
@@ -303,15 +324,14 @@ impl Mounted {
         }
     }
 
-    /// Weight of the ring where it is, on the rack at the origin of `e3`, in `e3`.
+    /// Weight of the ring where it is that no balance carries, on the rack at the origin of `e3`, in `e3`.
     #[must_use]
     pub fn ring_weight(&self) -> Wrench {
         if self.system.rigid() {
             return Wrench::ZERO;
         }
         let x_w3 = self.x_wc * self.system.ports()[0];
-        let weight = self.gravity_m_s2 * self.system.mass()[RING].mass();
-        Wrench::at(self.ring.p - x_w3.p, weight).rotated(x_w3.q.conjugate())
+        Wrench::at(self.ring.p - x_w3.p, self.uncarried_n).rotated(x_w3.q.conjugate())
     }
 
     /// Mounting plane of the passive side in the plate, `X_p4`.
@@ -326,6 +346,9 @@ impl Mounted {
         self.state.hash_into(h);
         h.u64(self.steps);
         h.u64(u64::from(self.open));
+        if let Some(hanger) = &self.hanger {
+            hanger.hash_into(h);
+        }
     }
 
     /// The chaser's mass-centre frame that has `e3` on the rack, in `eb`.
@@ -335,7 +358,86 @@ impl Mounted {
     }
 }
 
+/// The balance of a rig under the ring of a system; `None` where either is missing.
+fn hanger(system: &System, rig: &Rig) -> Option<Hanger> {
+    let ring_kg = system.ring_mass_kg();
+    rig.offload.filter(|_| ring_kg > 0.0).and_then(|o| Hanger::new(o, rig.gravity_m_s2, ring_kg))
+}
+
 /// Time that the ring is given to find its rest, s.
 const SETTLING_S: f64 = 2.0;
 /// Part of the ring's momentum taken out in every step meanwhile.
 const SETTLING_DAMPING: f64 = 0.02;
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::TAU;
+    use std::path::Path;
+
+    use docktwin_model::{Attenuator, Offload, load_mechanism, load_rig, load_spacecraft};
+
+    use super::*;
+
+    const STEP_S: f64 = 1.25e-4;
+
+    /// The mechanism on the default rig with this balance, its axial channel a spring alone, the plate far.
+    fn on_springs(offload: Offload) -> (Mounted, Pose) {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf");
+        let file = |name: &str| folder.join(name);
+        let [chaser, target] = ["chaser_8t.urdf", "target_12t.urdf"]
+            .map(|name| load_spacecraft(&file(name)).expect("shipped").model);
+        let sides = (file("apas_active.urdf"), file("apas_passive.urdf"));
+        let mut mechanism = load_mechanism(&sides.0, &sides.1, None).expect("shipped").model;
+        let Attenuator::Characteristic(a) = &mut mechanism.attenuator else { panic!("by tables") };
+        a.axial.dry_friction = 0.0;
+        a.axial.damping.before_capture = 0.0;
+        let mut rig = load_rig(&file("stewart.urdf")).expect("shipped").model;
+        rig.offload = Some(offload);
+        let far = rig.plate_from_docking(&rig.docking.pose([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        (Mounted::new(System::new(&chaser, &target, mechanism), &rig, STEP_S), far)
+    }
+
+    /// The moving mass of the balance swings with the ring along the docking axis: √(k/(m + m_a)) on a
+    /// stiff hanger, on any the lower root of (k + k_h − m w)(k_h − m_a w) = k_h², w = ω².
+    #[test]
+    fn oracle_the_added_mass_swings_with_the_ring() {
+        let (k, m, kh) = (3e5, 39.1, 2e6);
+        for added in [0.0, 10.0, 40.0] {
+            let (mut mounted, plate) = on_springs(Offload {
+                share: 0.5,
+                friction_n: 0.0,
+                added_mass_kg: added,
+                stiffness_n_m: kh,
+                damping_ratio: 0.0,
+            });
+            let rest = mounted.ring_deflection().0.x;
+            let w = if added == 0.0 {
+                k / m
+            } else {
+                let (a, b) = (m * added, added * (k + kh) + m * kh);
+                (b - (b * b - 4.0 * a * k * kh).sqrt()) / (2.0 * a)
+            };
+            // Both in the slow mode alone.
+            mounted.ring.v.x = 0.02;
+            if let Some(hanger) = &mut mounted.hanger {
+                hanger.shove(0.02 * kh / (kh - added * w));
+            }
+            let x: Vec<f64> = (0..80_000)
+                .map(|_| {
+                    mounted.advance(&plate, &Twist::default());
+                    mounted.ring_deflection().0.x - rest
+                })
+                .collect();
+            let ups: Vec<f64> = x
+                .windows(2)
+                .enumerate()
+                .filter(|(_, w)| w[0] < 0.0 && w[1] >= 0.0)
+                .map(|(i, w)| (i as f64 - w[0] / (w[1] - w[0])) * STEP_S)
+                .collect();
+            let found = (ups.len() - 1) as f64 / (ups[ups.len() - 1] - ups[0]);
+            let expected = w.sqrt() / TAU;
+            // The leapfrog is faster by (ω h)²/24, below 1e-5.
+            assert!((found - expected).abs() < 1e-4 * expected, "{added} kg: {found} {expected}");
+        }
+    }
+}

@@ -146,6 +146,118 @@ pub struct Fidelity {
     pub nrms_pose: Option<f64>,
     /// Energy gained by the loop, relative.
     pub delta_energy: Option<f64>,
+    /// First contact later than that of the simulated system, s; interpolated below the tick.
+    #[serde(default)]
+    pub first_contact_difference_s: Option<f64>,
+    /// What the bodies' programme received; `None` in summaries before 0.3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub felt: Option<FidelityOf>,
+    /// What the article on the rig bore; `None` in summaries before 0.3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hardware: Option<FidelityOf>,
+}
+
+impl Fidelity {
+    /// Every figure by its dotted key, in the order of the file; those that a summary before 0.3 does not
+    /// have are left out.
+    #[must_use]
+    pub fn figures(&self) -> Vec<(String, Option<f64>)> {
+        let mut out: Vec<(String, Option<f64>)> = [
+            ("R_e", self.R_e),
+            ("R_T", self.R_T),
+            ("peak_force_ratio", self.peak_force_ratio),
+            ("nrms_force", self.nrms_force),
+            ("nrms_pose", self.nrms_pose),
+            ("delta_energy", self.delta_energy),
+        ]
+        .map(|(key, x)| (key.to_owned(), x))
+        .into();
+        for (name, of) in [("felt", self.felt), ("hardware", self.hardware)] {
+            let Some(of) = of else { continue };
+            for (window, f) in of.windows() {
+                let figures = f.figures().into_iter();
+                out.extend(figures.map(|(key, x)| (format!("{name}.{window}.{key}"), x)));
+            }
+            for (i, t) in of.latch_difference_s.into_iter().enumerate() {
+                out.push((format!("{name}.latch_difference_s.{i}"), t));
+            }
+            out.push((format!("{name}.capture_difference_s"), of.capture_difference_s));
+        }
+        if self.felt.is_some() {
+            out.push(("first_contact_difference_s".to_owned(), self.first_contact_difference_s));
+        }
+        out
+    }
+}
+
+impl FidelityOf {
+    /// The three windows by their keys.
+    #[must_use]
+    pub const fn windows(&self) -> [(&'static str, FidelityFigures); 3] {
+        [
+            ("to_first_latch", self.to_first_latch),
+            ("to_capture", self.to_capture),
+            ("whole_run", self.whole_run),
+        ]
+    }
+}
+
+impl FidelityFigures {
+    /// The figures by their keys.
+    #[must_use]
+    pub const fn figures(&self) -> [(&'static str, Option<f64>); 9] {
+        [
+            ("window_s", self.window_s),
+            ("peak_force_ratio", self.peak_force_ratio),
+            ("peak_moment_ratio", self.peak_moment_ratio),
+            ("nrms_force", self.nrms_force),
+            ("nrms_moment", self.nrms_moment),
+            ("nrms_pose", self.nrms_pose),
+            ("nrms_attitude", self.nrms_attitude),
+            ("impulse_ratio", self.impulse_ratio),
+            ("delta_energy", self.delta_energy),
+        ]
+    }
+}
+
+/// One of the two comparisons with the simulated system: in three windows, all from first contact, and by
+/// the times of the latches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FidelityOf {
+    /// To the first latch of the simulated system.
+    pub to_first_latch: FidelityFigures,
+    /// To one second after the capture of the simulated system.
+    pub to_capture: FidelityFigures,
+    /// To the end of the run.
+    pub whole_run: FidelityFigures,
+    /// How much later than in the simulated system each latch caught, s.
+    pub latch_difference_s: [Option<f64>; 3],
+    /// How much later than in the simulated system the last latch caught, s.
+    pub capture_difference_s: Option<f64>,
+}
+
+/// Figures of one window; null where one means nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FidelityFigures {
+    /// Length of the window, s; null where the run did not last to its end.
+    pub window_s: Option<f64>,
+    /// Largest |F4| over that of the simulated system.
+    pub peak_force_ratio: Option<f64>,
+    /// Largest |M4| over that of the simulated system.
+    pub peak_moment_ratio: Option<f64>,
+    /// RMS of the difference of F4 over the RMS of F4 of the simulated system.
+    pub nrms_force: Option<f64>,
+    /// The same of M4.
+    pub nrms_moment: Option<f64>,
+    /// RMS of the difference of `p_34` over the RMS of the simulated one about its mean.
+    pub nrms_pose: Option<f64>,
+    /// The same of the attitude `R_34`, by rotation vectors.
+    pub nrms_attitude: Option<f64>,
+    /// Impulse of F4 along that of the simulated system, over the latter.
+    pub impulse_ratio: Option<f64>,
+    /// Energy that the ports gave the motion, less that of the simulated system, over the kinetic energy at
+    /// the start.
+    pub delta_energy: Option<f64>,
 }
 
 /// What the safety supervisor saw.

@@ -1,6 +1,6 @@
 //! The page.
 
-use docktwin_record::{Outcome, Verdict};
+use docktwin_record::{FidelityOf, Outcome, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::curves;
@@ -359,6 +359,18 @@ fn rig_loop(run: &Run) -> Markup {
                     (row("largest force", ratio(f.peak_force_ratio)))
                     (row("force, pose apart", format!("{}, {}", part(f.nrms_force), part(f.nrms_pose))))
                     (row("energy gained", part(f.delta_energy)))
+                    @for (name, of) in [("felt", f.felt), ("hardware", f.hardware)] {
+                        @for (window, x) in of.iter().flat_map(FidelityOf::windows).filter(|w| w.1.window_s.is_some()) {
+                            (row(&format!("{name}, {}", window.replace('_', " ")), format!(
+                                "peak {}, impulse {}; force {}, moment {}, pose {} apart",
+                                ratio(x.peak_force_ratio), ratio(x.impulse_ratio),
+                                part(x.nrms_force), part(x.nrms_moment), part(x.nrms_pose)
+                            )))
+                        }
+                        @if let Some(t) = of.and_then(|of| of.capture_difference_s) {
+                            (row(&format!("{name}, capture"), format!("{:+.2} ms", t * 1e3)))
+                        }
+                    }
                 }
                 @if let Some(s) = &s.safety {
                     (row("supervisor", if s.trips.is_empty() { s.state.clone() } else { s.trips.join("; ") }))
@@ -368,7 +380,7 @@ fn rig_loop(run: &Run) -> Markup {
                 }
             }
             @if s.fidelity.is_some() {
-                p.small { "R_e, R_T, force, pose and energy are against the simulated system: 1 and 0 % would be it." }
+                p.small { "R_e, R_T, force, pose and energy are against the simulated system with the mechanism that the rig has: 1 and 0 % would be it. Felt is what the bodies' programme received, hardware what the article bore; windows begin with first contact." }
             }
         }
     }

@@ -6,6 +6,7 @@
 //! | how does a docking mechanism answer on the test bench? | [`mechanism::mechanism`] |
 //! | does the single-DOF HIL simulation reproduce the simulated system? | [`single_dof::single_dof`] |
 //! | what does the whole loop do to a spring stick, Table 4? | [`vibro_impact::vibro_impact`] |
+//! | what makes a docking on the rig differ from the one in orbit, and by how much? | [`fidelity::budget`] |
 //! | does a second engine come to the same docking? | [`crosscheck::compare`] |
 //!
 //! A function takes a checked model and a struct of options, and gives a struct of documented figures
@@ -32,6 +33,7 @@
 //! ```
 
 pub mod crosscheck;
+pub mod fidelity;
 pub mod mechanism;
 mod number;
 mod parallel;

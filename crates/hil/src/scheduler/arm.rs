@@ -188,7 +188,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
     fn tared(&self, x_bp: &Pose, samples: &[RigMeasurement]) -> Conditioning {
         let s = &self.setup;
         let q3 = (s.rig.x_b0 * s.rig.x_03).q.conjugate();
-        let ring_weight = q3 * s.rig.gravity_m_s2 * s.ring_mass_kg;
+        let ring_weight = q3 * s.rig.gravity_m_s2 * (s.ring_mass_kg * s.rig.uncarried());
         let mut out = Conditioning::new(s.scheme, s.parameters.payload, ring_weight);
         let q4 = (*x_bp * s.rig.x_4p.inverse()).q.conjugate();
         let still = Carried { gravity: q4 * s.rig.gravity_m_s2, ..Carried::default() };

@@ -362,6 +362,7 @@ pub(super) const RIG: &[Group] = &[
     },
     FORCE_SENSORS,
     ACCELEROMETERS,
+    OFFLOAD,
     SPREAD,
     Group {
         tables: &[tables(
@@ -588,6 +589,59 @@ const ACCELEROMETERS: Group = Group {
             "[0.04, 0.04]",
             "Half-width within which the zero of an emulated accelerometer is drawn.",
             "What the tare has to find.",
+        ),
+    ],
+};
+
+const OFFLOAD: Group = Group {
+    tables: &[table(
+        "offload",
+        Need::Optional("nothing carries the ring, and its whole weight lies on the attenuator"),
+        "The balance on which the moving ring of the active mechanism hangs: a constant lift on a small \
+         moving mass, from which a rope goes down to the mass centre of the ring. It stands beside the \
+         rack, so no sensor carries it, and follows the ring sideways; the docking axis is vertical. \
+         `model check RIG --mechanism ACTIVE` tells what the weight that is left takes of every brake and \
+         travel.",
+    )],
+    keys: &[
+        key(
+            "share",
+            Shape::Number(Range::within(0.01, 1.0)),
+            "0.98",
+            "Part of the ring's weight that the balance lifts.",
+            "In orbit the ring has no weight. What is left sags, and uses up the brakes against which the \
+             ring is pushed in.",
+        ),
+        key(
+            "friction_n",
+            Shape::Number(Range::within(0.0, 500.0)),
+            "5.0",
+            "Coulomb friction of guides and pulleys, on the moving mass.",
+            "A force on the ring against its motion that is not there in orbit; below it the balance sticks.",
+        ),
+        key(
+            "added_mass_kg",
+            Shape::Number(Range::within(0.0, 500.0)),
+            "2.0",
+            "Mass that moves with the ring along the docking axis, reduced to the rope: hook, rope, pulleys, \
+             counterweight.",
+            "The ring is heavier by it along that axis alone. 0 leaves the rope and the friction.",
+        ),
+        key(
+            "stiffness_n_m",
+            Shape::Number(Range::within(1e3, 1e8)),
+            "2e5",
+            "Stiffness of the hanger: rope and frame between ring and moving mass.",
+            "How far the ring moves before the moving mass follows. A rope does not push: it goes slack \
+             where the ring rises faster than the balance takes it in. An emulated rig follows the moving \
+             mass on its hanger up to 500 Hz.",
+        ),
+        key(
+            "damping_ratio",
+            Shape::Number(Range::within(0.0, 1.0)),
+            "0.05",
+            "Damping of the moving mass on the hanger as a part of the critical one.",
+            "How long the moving mass swings on the rope after a blow.",
         ),
     ],
 };

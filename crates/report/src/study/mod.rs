@@ -18,6 +18,7 @@
 
 pub mod bode;
 pub mod crosscheck;
+pub mod fidelity;
 pub mod frequency;
 pub mod mechanism;
 mod rig;

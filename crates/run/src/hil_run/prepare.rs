@@ -17,7 +17,7 @@ use docktwin_hil::{
     identify::Identification,
     scheduler::{Approach, Check, LoopSetup, RigParameters, TickRecord},
 };
-use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig_from};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, SAG_REMEDY, load_rig_from, sag_refusal};
 use docktwin_physics::{body::BodyState, mechanism::System, programme::Programme};
 use docktwin_rigport::in_process::InProcess;
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
@@ -161,8 +161,23 @@ impl<'a> HilRun<'a> {
     /// # Errors
     /// Problems of the rig's files, a start at which the sides overlap, or beyond the rig's reach.
     pub fn new(scenario: &'a Scenario, options: HilOptions) -> Result<Self, RunError> {
+        Self::with_rig(scenario, options, |_| {})
+    }
+
+    /// As [`Self::new`], the rig of the file changed before anything is made of it: what is emulated and what
+    /// the loop believes is the changed one. A record of such a run holds the files as they are and is
+    /// replayed by them, so it is for studies that keep a summary alone.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_rig(
+        scenario: &'a Scenario,
+        options: HilOptions,
+        change: impl FnOnce(&mut RigModel),
+    ) -> Result<Self, RunError> {
         let rig_path = rig_path(&options, scenario)?;
-        let rig = load_rig_from(&scenario.sources, &rig_path)?.model;
+        let mut rig = load_rig_from(&scenario.sources, &rig_path)?.model;
+        change(&mut rig);
         if rig.sensors.is_none() {
             return Err(RunError::usage(
                 format!("the rig has no table [sensors]: {}", rig_path.display()),
@@ -172,6 +187,12 @@ impl<'a> HilRun<'a> {
         let hil = &scenario.hil;
         let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
         let (system, bodies) = start(scenario)?;
+        if let Some(what) = sag_refusal(&rig, system.mechanism()) {
+            return Err(RunError::usage(
+                format!("{what}: {}", rig_path.with_extension("toml").display()),
+                SAG_REMEDY,
+            ));
+        }
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);

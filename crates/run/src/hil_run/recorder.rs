@@ -18,7 +18,7 @@ use crate::{
     control::{Control as _, Situation, TimedThrusts},
     error::{RunError, SinkError},
     event::RunEvent,
-    fidelity::{FidelityMeter, trace},
+    fidelity::FidelityMeter,
     observer::{Asked, Observed, Observer},
     rehearsal::{RowRecorder, pair_names},
     setup::masses,
@@ -76,7 +76,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
             recorder: RowRecorder::new(pair_names),
             observer: Observer::default(),
             watcher: Watcher::new(run.bodies),
-            meter: FidelityMeter::new(run.system.clone(), run.bodies, PERIOD_NS),
+            meter: FidelityMeter::new(run.system.clone(), run.rig.clone(), run.bodies, PERIOD_NS),
             thrusts: TimedThrusts::of(scenario),
             situation: run.commands(crate::control::Coasting).now,
             events: Vec::new(),
@@ -141,7 +141,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
     }
 
     fn observe(&mut self, now: &Instant, r: &TickRecord, time: SimTime) {
-        self.meter.add(&trace(&self.system, r), &r.control);
+        self.meter.add(r);
         let seen = now.observation(time.seconds());
         let observed =
             Observed { system: &self.system, now, seen: &seen, control: &r.control, time };

@@ -5,11 +5,11 @@ use docktwin_record::{Outcome, Summary};
 use super::FigureDifference;
 
 /// A figure by its key, as text; numbers with all their digits, so that equal means the same bits.
-fn figures(s: &Summary) -> Vec<(&'static str, String)> {
+fn figures(s: &Summary) -> Vec<(String, String)> {
     let number = |x: f64| if x.is_nan() { "null".to_owned() } else { format!("{x:?}") };
     let time = |t: Option<f64>| t.map_or("null".to_owned(), number);
     let latches: Vec<String> = s.latches_s.iter().map(|t| time(*t)).collect();
-    let mut out = vec![
+    let out = vec![
         ("state_digest", s.state_digest.clone()),
         ("ticks", s.ticks.to_string()),
         ("duration_s", number(s.duration_s)),
@@ -27,15 +27,10 @@ fn figures(s: &Summary) -> Vec<(&'static str, String)> {
         ("energy_balance_error", number(s.energy_balance_error)),
         ("momentum_error", number(s.momentum_error)),
     ];
+    let mut out: Vec<(String, String)> =
+        out.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
     if let Some(f) = &s.fidelity {
-        out.extend([
-            ("fidelity.R_e", time(f.R_e)),
-            ("fidelity.R_T", time(f.R_T)),
-            ("fidelity.peak_force_ratio", time(f.peak_force_ratio)),
-            ("fidelity.nrms_force", time(f.nrms_force)),
-            ("fidelity.nrms_pose", time(f.nrms_pose)),
-            ("fidelity.delta_energy", time(f.delta_energy)),
-        ]);
+        out.extend(f.figures().into_iter().map(|(key, x)| (format!("fidelity.{key}"), time(x))));
     }
     out
 }
@@ -51,10 +46,7 @@ pub(super) fn compare(recorded: &Summary, replayed: &Summary) -> (usize, Option<
     let pairs: Vec<_> = pairs.filter(|((key, _), _)| !left_out(key)).collect();
     let count = pairs.len();
     let first = pairs.into_iter().find(|((_, a), (_, b))| a != b);
-    let first = first.map(|((key, recorded), (_, replayed))| FigureDifference {
-        key: key.to_owned(),
-        recorded,
-        replayed,
-    });
+    let first =
+        first.map(|((key, recorded), (_, replayed))| FigureDifference { key, recorded, replayed });
     (count, first)
 }

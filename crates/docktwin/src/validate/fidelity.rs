@@ -1,0 +1,106 @@
+//! `validate fidelity`: dockings on the emulated rig against the simulated system, and what they differ by.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use clap::Args;
+use docktwin_report::study::fidelity as report;
+use docktwin_run::HilOptions;
+use docktwin_scenario::{CompensatorChoice, load_scenario};
+use docktwin_study::fidelity::{budget, on_rig};
+use serde_json::json;
+
+use crate::{
+    args::{compensator, not_negative},
+    failure::Failure,
+    inputs::overrides,
+    results::{Bars, Results},
+};
+
+pub(super) const EXAMPLES: &str = "\
+Every scenario is run in the loop with the emulated rig and compared with the same docking without a
+rig: what the bodies' programme felt, and what the hardware bore. Peaks are over those of the
+simulated system; force and pose are RMS differences over the RMS of the simulated one, from first
+contact to one second after capture, or of the whole run where nothing is captured.
+
+With --budget one cause after the other is taken out of the rig, and put alone into a rig without
+any: weight of the ring, single-sensor scheme, noise, dead zone and lag of the sensors, dead time
+and friction of the legs, lag of the valves. What a cause adds by either way differs where causes
+interact. That makes 18 runs a scenario.
+
+The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv.
+
+Examples:
+  docktwin validate fidelity scenarios/apas_nominal.toml scenarios/apas_fast.toml
+  docktwin validate fidelity scenarios/apas_fast.toml --budget
+  docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
+
+Exit codes: 0 every run came to its end; 2 bad input.";
+
+/// Options of `validate fidelity`.
+#[derive(Debug, Args)]
+pub(crate) struct FidelityArgs {
+    /// Scenario files
+    #[arg(required = true)]
+    scenarios: Vec<PathBuf>,
+    /// Take one cause of deviation after the other away
+    #[arg(long)]
+    budget: bool,
+    /// Override a key of every scenario, repeatable
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    set: Vec<String>,
+    /// Against the delay of the rig [default: as the scenario says, or lead]
+    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES)]
+    compensator: Option<CompensatorChoice>,
+    /// Lead, ms [default: as the scenario says, or the delay that the rig's file lets one believe]
+    #[arg(long, value_name = "MS", value_parser = not_negative)]
+    lead_ms: Option<f64>,
+    /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
+    #[arg(long, value_name = "RIG.toml")]
+    model: Option<PathBuf>,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Draw the rig within the spread of its file by this seed
+    #[arg(long, value_name = "SEED")]
+    perturb: Option<u64>,
+    /// Directory of the results; by default a new one under `analysis`.
+    #[arg(long, value_name = "DIR", help = "Directory [default: analysis/fidelity-<utc>]")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> {
+    let options = HilOptions {
+        compensator: args.compensator,
+        lead_s: args.lead_ms.map(|ms| ms * 1e-3),
+        model: args.model.clone(),
+        seed: args.seed,
+        perturb: args.perturb,
+        ..HilOptions::default()
+    };
+    let set = overrides(&args.set)?;
+    let all = args
+        .scenarios
+        .iter()
+        .map(|path| load_scenario(path, &set))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut results = Results::new(args.out.as_deref(), "fidelity")?;
+    if args.budget {
+        let mut budgets = Vec::new();
+        for scenario in &all {
+            budgets.push(budget(scenario, &options, &mut Bars::new(json))?);
+        }
+        results.tables(report::tables(&budgets))?;
+        let words: String = budgets.iter().map(report::budget_words).collect();
+        return results.finish("fidelity", &json!({ "budgets": budgets }), &words, json);
+    }
+    let mut found = Vec::new();
+    for scenario in &all {
+        found.push((scenario.name.clone(), on_rig(scenario, &options, &[])?));
+    }
+    let scenarios: Vec<_> = found
+        .iter()
+        .map(|(name, on)| json!({ "scenario": name, "fidelity": on.fidelity }))
+        .collect();
+    results.finish("fidelity", &json!({ "scenarios": scenarios }), &report::words(&found), json)
+}

@@ -1,0 +1,121 @@
+//! Dockings on the emulated rig against the simulated system: tables and words.
+
+use core::fmt::Write as _;
+
+use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig};
+
+use super::NamedText;
+
+/// A cause in words.
+#[must_use]
+pub const fn cause(cause: Cause) -> &'static str {
+    match cause {
+        Cause::Weight => "weight of the ring and its balance",
+        Cause::SensorScheme => "single-sensor scheme",
+        Cause::Noise => "noise of the sensors",
+        Cause::DeadZone => "dead zone of the sensors",
+        Cause::SensorLag => "lag of the sensors",
+        Cause::Delay => "dead time of the legs",
+        Cause::LegFriction => "friction of the legs",
+        Cause::Valve => "lag of the valves",
+    }
+}
+
+/// Figures of the tables: name, and where it stands.
+const FIGURES: [(&str, Figure); 6] = [
+    ("felt peak", |r| r.felt().peak_force_ratio),
+    ("felt force", |r| r.felt().nrms_force),
+    ("felt pose", |r| r.felt().nrms_pose),
+    ("hardware peak", |r| r.hardware().peak_force_ratio),
+    ("hardware force", |r| r.hardware().nrms_force),
+    ("hardware pose", |r| r.hardware().nrms_pose),
+];
+
+fn number(x: Option<f64>, signed: bool) -> String {
+    match x {
+        None => "–".to_owned(),
+        Some(x) if signed => format!("{x:+.4}"),
+        Some(x) => format!("{x:.4}"),
+    }
+}
+
+/// One row for every scenario: both comparisons, to capture + 1 s or of the whole run.
+#[must_use]
+pub fn words(all: &[(String, OnRig)]) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "{:<24}{}", "scenario", heads());
+    for (name, on) in all {
+        let _ = writeln!(out, "{name:<24}{}", row(|f| number(f(on), false)));
+    }
+    out
+}
+
+fn heads() -> String {
+    FIGURES.iter().fold(String::new(), |a, (name, _)| format!("{a}{name:>16}"))
+}
+
+fn row(cell: impl Fn(Figure) -> String) -> String {
+    FIGURES.iter().fold(String::new(), |a, (_, f)| format!("{a}{:>16}", cell(*f)))
+}
+
+/// A budget: the docking as it is, without every cause, and what each adds, by being taken away and by being
+/// alone.
+#[must_use]
+pub fn budget_words(b: &Budget) -> String {
+    let mut out = String::new();
+    let _ = writeln!(out, "{}\n{:<44}{}", b.scenario, "", heads());
+    for (name, on) in [("as it is", &b.as_is), ("all causes removed", &b.without_all)] {
+        let _ = writeln!(out, "{name:<44}{}", row(|f| number(f(on), false)));
+    }
+    for share in &b.shares {
+        let name = cause(share.cause);
+        for (by, i) in [("removed", 0), ("alone", 1)] {
+            let label = format!("{name}, {by}");
+            let _ = writeln!(out, "{label:<44}{}", row(|f| number(b.parts(share, f)[i], true)));
+        }
+    }
+    let _ = writeln!(out, "{}", mend_first(b));
+    out
+}
+
+/// What to mend first, in one sentence.
+#[must_use]
+pub fn mend_first(b: &Budget) -> String {
+    let whole = b.as_is.hardware().nrms_force;
+    match (b.mend_first(), whole) {
+        (Some((first, left)), Some(whole)) if left < whole => format!(
+            "{}: mend the {} first; without it the error of the force on the hardware is {:.1} % instead of \
+             {:.1} %.",
+            b.scenario,
+            cause(first),
+            100.0 * left,
+            100.0 * whole
+        ),
+        _ => format!("{}: no single cause takes anything off the error of the force.", b.scenario),
+    }
+}
+
+/// `fidelity-budget.csv`: one row a scenario, cause and way of finding its part.
+#[must_use]
+pub fn tables(all: &[Budget]) -> Vec<NamedText> {
+    let mut out = "scenario,cause,by".to_owned();
+    for (name, _) in FIGURES {
+        let _ = write!(out, ",{}", name.replace(' ', "_"));
+    }
+    out.push('\n');
+    let cell = |x: Option<f64>| x.map_or(String::new(), |x| format!(",{x}"));
+    for b in all {
+        for share in &b.shares {
+            for (by, i) in [("removed", 0), ("alone", 1)] {
+                let _ = write!(out, "{},{},{by}", b.scenario, cause(share.cause));
+                for (_, f) in FIGURES {
+                    let part = cell(b.parts(share, f)[i]);
+                    out.push_str(if part.is_empty() { "," } else { &part });
+                }
+                out.push('\n');
+            }
+        }
+    }
+    vec![("fidelity-budget.csv".to_owned(), out)]
+}

@@ -1,0 +1,220 @@
+//! Dockings on the emulated rig against the simulated system, and a budget of what they differ by.
+//!
+//! A budget takes one cause of deviation after the other out of the rig's file, and puts each alone into a rig
+//! without any. What the loop believes follows the file, so a cause is removed from the rig and from its model
+//! alike. The figures are those of `docktwin_run::fidelity`; nothing is defined here a second time.
+
+use docktwin_model::{Offload, Rig, SixAxisSensor};
+use docktwin_record::{Fidelity, FidelityFigures, FidelityOf};
+use docktwin_run::{HilOptions, HilRun, RunError, SummaryOnly};
+use docktwin_scenario::Scenario;
+use serde::{Deserialize, Serialize};
+
+use crate::Progress;
+
+/// Something that makes a docking on the rig differ from the one in orbit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Weight of the ring, and the balance that carries it.
+    Weight,
+    /// F4, M4 from sensor A by (12) and (13), which leave the inertia of the ring out.
+    SensorScheme,
+    /// Noise and steps of all sensors.
+    Noise,
+    /// Dead zone of the force sensors.
+    DeadZone,
+    /// Lag and delay of the force sensors and accelerometers.
+    SensorLag,
+    /// Dead time of the legs beyond one tick.
+    Delay,
+    /// Friction of the legs' seals.
+    LegFriction,
+    /// Lag of the servo valves.
+    Valve,
+}
+
+/// Fastest sensor and valve of a rig without that cause, Hz.
+const FAST_HZ: f64 = 5000.0;
+const FAST_VALVE_HZ: f64 = 1000.0;
+/// What is left of friction and noise in a rig without them: a sensor that never changes counts as dead.
+const NEARLY_NONE: f64 = 1e-6;
+/// Dead time of a rig without delay, s: the tick from a command to its arrival.
+const ONE_TICK_S: f64 = 0.001;
+
+impl Cause {
+    /// All, in the order of the tables.
+    pub const ALL: [Self; 8] = [
+        Self::Weight,
+        Self::SensorScheme,
+        Self::Noise,
+        Self::DeadZone,
+        Self::SensorLag,
+        Self::Delay,
+        Self::LegFriction,
+        Self::Valve,
+    ];
+
+    /// Takes it out of a rig.
+    fn remove_from(self, rig: &mut Rig) {
+        let mut sensors = |change: &dyn Fn(&mut SixAxisSensor)| {
+            if let Some(s) = &mut rig.sensors {
+                change(&mut s.force);
+                s.accelerometer.iter_mut().for_each(change);
+            }
+        };
+        match self {
+            Self::Weight => {
+                let ideal = Offload {
+                    share: 1.0,
+                    friction_n: 0.0,
+                    added_mass_kg: 0.0,
+                    stiffness_n_m: 1e6,
+                    damping_ratio: 0.0,
+                };
+                rig.offload = Some(ideal);
+            }
+            // A setting of the loop, not of the rig.
+            Self::SensorScheme => {}
+            Self::Noise => {
+                sensors(&|s| {
+                    s.noise = s.noise.map(|x| x * NEARLY_NONE);
+                    (s.quantum, s.drift_per_s) = ([0.0; 2], [0.0; 2]);
+                });
+                if let Some(s) = &mut rig.sensors {
+                    (s.length_noise_m, s.length_quantum_m, s.pressure_noise_n) = (0.0, 0.0, 0.0);
+                }
+            }
+            Self::DeadZone => sensors(&|s| s.dead_zone = [0.0; 2]),
+            Self::SensorLag => sensors(&|s| {
+                (s.natural_frequency_hz, s.damping_ratio, s.delay_s) = (FAST_HZ, 0.7, 0.0);
+            }),
+            Self::Delay => rig.valve.dead_time_s = rig.valve.dead_time_s.min(ONE_TICK_S),
+            Self::LegFriction => {
+                rig.friction.coulomb_n *= NEARLY_NONE;
+                rig.friction.static_n *= NEARLY_NONE;
+            }
+            Self::Valve => {
+                rig.valve.natural_frequency_hz = rig.valve.natural_frequency_hz.max(FAST_VALVE_HZ);
+            }
+        }
+    }
+}
+
+/// A docking on an emulated rig.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OnRig {
+    /// Against the simulated system.
+    pub fidelity: Fidelity,
+}
+
+impl OnRig {
+    /// The hardware's figures that count: to capture + 1 s, or of the whole run where nothing is captured.
+    #[must_use]
+    pub fn hardware(&self) -> FidelityFigures {
+        counting(self.fidelity.hardware)
+    }
+
+    /// The same of what was felt.
+    #[must_use]
+    pub fn felt(&self) -> FidelityFigures {
+        counting(self.fidelity.felt)
+    }
+}
+
+fn counting(of: Option<FidelityOf>) -> FidelityFigures {
+    let of = of.unwrap_or_default();
+    if of.to_capture.window_s.is_some() { of.to_capture } else { of.whole_run }
+}
+
+/// Runs a scenario on the emulated rig, some causes removed.
+///
+/// # Errors
+/// Problems of the rig's files, or a rig that cannot be armed.
+pub fn on_rig(
+    scenario: &Scenario,
+    options: &HilOptions,
+    removed: &[Cause],
+) -> Result<OnRig, RunError> {
+    let mut scenario = scenario.clone();
+    scenario.hil.two_sensors |= removed.contains(&Cause::SensorScheme);
+    let run = HilRun::with_rig(&scenario, options.clone(), |rig| {
+        removed.iter().for_each(|cause| cause.remove_from(rig));
+    })?;
+    let rig = run.emulated()?;
+    let summary = run.run(rig, &mut SummaryOnly)?;
+    Ok(OnRig { fidelity: summary.fidelity.unwrap_or_default() })
+}
+
+/// What one cause does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// The cause.
+    pub cause: Cause,
+    /// The docking without it, all others there.
+    pub without: OnRig,
+    /// The docking with it alone.
+    pub alone: OnRig,
+}
+
+/// What a scenario on the rig differs by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Budget {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// The rig as its file says.
+    pub as_is: OnRig,
+    /// All causes removed.
+    pub without_all: OnRig,
+    /// Cause by cause.
+    pub shares: Vec<Share>,
+}
+
+/// A figure of a docking; `None` where it means nothing.
+pub type Figure = fn(&OnRig) -> Option<f64>;
+
+impl Budget {
+    /// What a cause adds to a figure: by taking it away from the rig as it is, by adding it to a rig without
+    /// any cause; their difference is its interaction with the others.
+    #[must_use]
+    pub fn parts(&self, share: &Share, figure: Figure) -> [Option<f64>; 2] {
+        let less = |a: &OnRig, b: &OnRig| Some(figure(a)? - figure(b)?);
+        [less(&self.as_is, &share.without), less(&share.alone, &self.without_all)]
+    }
+
+    /// The cause whose removal takes most off the force's error on the hardware, and what is left of it.
+    #[must_use]
+    pub fn mend_first(&self) -> Option<(Cause, f64)> {
+        let left = |s: &Share| s.without.hardware().nrms_force;
+        let best = self.shares.iter().filter_map(|s| Some((s.cause, left(s)?)));
+        best.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// The budget of a scenario: 18 runs.
+///
+/// # Errors
+/// As [`on_rig`].
+pub fn budget(
+    scenario: &Scenario,
+    options: &HilOptions,
+    progress: &mut impl Progress,
+) -> Result<Budget, RunError> {
+    let of = 2 * Cause::ALL.len() as u64 + 2;
+    let mut done = 0;
+    let mut run = |removed: &[Cause]| {
+        let out = on_rig(scenario, options, removed)?;
+        done += 1;
+        progress.at(done, of);
+        Ok::<_, RunError>(out)
+    };
+    let as_is = run(&[])?;
+    let without_all = run(&Cause::ALL)?;
+    let mut shares = Vec::new();
+    for cause in Cause::ALL {
+        let others: Vec<Cause> = Cause::ALL.into_iter().filter(|c| *c != cause).collect();
+        shares.push(Share { cause, without: run(&[cause])?, alone: run(&others)? });
+    }
+    progress.done();
+    Ok(Budget { scenario: scenario.name.clone(), as_is, without_all, shares })
+}

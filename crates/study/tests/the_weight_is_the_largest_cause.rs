@@ -1,0 +1,52 @@
+//! A fast docking on the rig with and without the balance: which cause makes it differ from the one in orbit.
+
+use std::{fs, path::Path};
+
+use docktwin_run::HilOptions;
+use docktwin_scenario::{Loader, Scenario};
+use docktwin_study::fidelity::{Cause, OnRig, on_rig};
+
+/// Of the repository, in 2.5 s, which holds its capture and a second after it.
+fn fast(root: &Path) -> Scenario {
+    Loader::new()
+        .set("run.duration_s", 2.5)
+        .load(&root.join("scenarios/apas_fast.toml"))
+        .expect("shipped")
+}
+
+/// The default rig without its table `[offload]`, in a folder.
+fn without_balance(root: &Path, to: &Path) -> HilOptions {
+    for ext in ["urdf", "toml"] {
+        let name = format!("stewart.{ext}");
+        let text = fs::read_to_string(root.join("models/urdf").join(&name)).expect("shipped");
+        let text = match (text.find("[offload]"), text.find("# Half-widths by which")) {
+            (Some(begin), Some(end)) => format!("{}{}", &text[..begin], &text[end..]),
+            _ => text,
+        };
+        fs::write(to.join(name), text).expect("a file");
+    }
+    HilOptions { model: Some(to.join("stewart.toml")), ..HilOptions::default() }
+}
+
+fn force(on: &OnRig) -> f64 {
+    on.hardware().nrms_force.expect("a docking")
+}
+
+/// The weight of the ring is known to make a third of the force wrong; the balance of the default rig takes it
+/// away, and so does the removal of that cause.
+#[test]
+fn regress_a_balance_removes_what_the_weight_does() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let (scenario, dir) = (fast(&root), tempfile::tempdir().expect("a folder"));
+    let bare = without_balance(&root, dir.path());
+    let weighed = on_rig(&scenario, &bare, &[]).expect("a run");
+    let removed = on_rig(&scenario, &bare, &[Cause::Weight]).expect("a run");
+    let carried = on_rig(&scenario, &HilOptions::default(), &[]).expect("a run");
+    assert!(force(&weighed) > 0.25, "{weighed:?}");
+    assert!(force(&removed) < 0.05 && force(&carried) < 0.06, "{removed:?} {carried:?}");
+    let peak = |on: &OnRig| on.hardware().peak_force_ratio.expect("a docking") - 1.0;
+    assert!(peak(&weighed) < -0.08 && peak(&carried).abs() < 0.02);
+    // Felt and hardware are told apart: until the latches hold, sensor A does not feel what the ring takes.
+    let felt = carried.felt().nrms_force.expect("a docking");
+    assert!(felt > force(&carried), "{felt}");
+}
