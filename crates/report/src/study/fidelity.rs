@@ -6,6 +6,9 @@ use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig};
 
 use super::NamedText;
 
+/// Part of the force's error that a cause must make to be worth mending.
+const LEAST_SHARE: f64 = 0.05;
+
 /// A cause in words.
 #[must_use]
 pub const fn cause(cause: Cause) -> &'static str {
@@ -84,7 +87,7 @@ pub fn budget_words(b: &Budget) -> String {
 pub fn mend_first(b: &Budget) -> String {
     let whole = b.as_is.hardware().nrms_force;
     match (b.mend_first(), whole) {
-        (Some((first, left)), Some(whole)) if left < whole => format!(
+        (Some((first, left)), Some(whole)) if left < (1.0 - LEAST_SHARE) * whole => format!(
             "{}: mend the {} first; without it the error of the force on the hardware is {:.1} % instead of \
              {:.1} %.",
             b.scenario,
@@ -92,7 +95,11 @@ pub fn mend_first(b: &Budget) -> String {
             100.0 * left,
             100.0 * whole
         ),
-        _ => format!("{}: no single cause takes anything off the error of the force.", b.scenario),
+        _ => format!(
+            "{}: no single cause takes {:.0} % off the error of the force on the hardware.",
+            b.scenario,
+            100.0 * LEAST_SHARE
+        ),
     }
 }
 
