@@ -34,7 +34,7 @@ here (`tests/test_own_contact.py` has those). "Off" is relative to the closed fo
 to the size of the rate. – means not part of that engine's cases.
 """
 OUTRO = """
-- NESC and Dzhanibekov: scenarios allow 20°/s at most, so docktwin flies half the rates for twice the time
+- NESC and Dzhanibekov: docktwin flies half the rates for twice the time, as when scenarios allowed 20°/s at most
   and a tenth for ten times, the same motion by Euler's equations; the figures are scaled back. At the
   published rates they are unit tests of docktwin: `oracle_nesc_check_case_2`, `oracle_dzhanibekov_period`.
 - Block and ball are no docking: of docktwin they are unit tests of its friction

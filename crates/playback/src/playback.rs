@@ -218,7 +218,7 @@ impl Playback {
             c.energy.map(|i| i.map_or(f64::NAN, number));
         let between = Wrench { f: vector(c.port4[0]), m: vector(c.port4[1]) }
             .rotated(poses.x_w4.q)
-            .shifted(poses.x_wr.p - poses.x_w4.p);
+            .shifted(poses.x_wp.p - poses.x_w4.p);
         let gaps = if drawn {
             let g = self.system.scene().petal_gaps(poses.x_wr.inverse() * poses.x_wp);
             [g.active_m, g.passive_m]

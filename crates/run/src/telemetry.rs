@@ -143,7 +143,11 @@ impl Watcher {
         s.step += 1;
         s.peak_force_n = s.peak_force_n.max(force);
         s.peak_moment_nm = s.peak_moment_nm.max(interface.m.length());
-        s.net_impulse += target.q * interface.f * tick_s;
+        // Braking at the end the rig moves and the bodies do not.
+        if r.closed_tick.is_some() {
+            let x_w4 = target.pose() * system.ports()[1];
+            s.net_impulse += x_w4.q * interface.f * tick_s;
+        }
         if force > PORT_CONTACT_N {
             s.first_contact_s.get_or_insert(time_s);
             // Below that the noise of the sensor would add up.

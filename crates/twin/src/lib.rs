@@ -1,6 +1,6 @@
 //! The full twins: the on-orbit world in rapier, and the motion simulator with its loops ([`rig`]).
 //!
-//! rapier integrates the three bodies, `docktwin-physics` measures the geometry and pushes with its
+//! rapier integrates positions and velocities of the three bodies, `docktwin-physics` measures the geometry and pushes with its
 //! law: rapier's own contact solver has no stiffness in N/m (see ARCHITECTURE.md). Nothing in the
 //! on-orbit scene is a rigid constraint, so no rapier joint is needed there; a rigid ring is one
 //! body with its chaser.

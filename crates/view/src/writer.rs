@@ -114,7 +114,7 @@ pub struct Scalars {
     pub energy: Energies,
     /// Size of the force between the sides, N: contacts, latches, joined rings.
     pub between_force_n: f64,
-    /// Size of the moment between the sides about the active ring's centre, N·m.
+    /// Size of the moment between the sides about the passive ring's centre, N·m.
     pub between_moment_nm: f64,
     /// Axial gap at each latch, m.
     pub latch_gap_m: [f64; 3],

@@ -493,10 +493,9 @@ const CONTACT: Group = Group {
             "merge_depth_m",
             Shape::Number(contact::MERGE_DEPTH),
             "5e-5",
-            "ε, the length over which neighbouring samples of one place of contact merge into one depth \
-             (soft maximum).",
-            "Surfaces stand up to ε ln m ahead of the exact ones, m being the number of samples. Smaller \
-             is nearer to the exact surface and less smooth.",
+            "Width within which neighbouring depths of two rings merge smoothly into one.",
+            "Rings that lie flat on each other are up to 1/27 of it less deep than the exact ones. Smaller is \
+             nearer to the exact surface and less smooth.",
         ),
     ],
 };
