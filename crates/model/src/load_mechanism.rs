@@ -785,8 +785,8 @@ impl Placements<'_> {
 pub struct MatedFit {
     /// Smallest distance between a petal and the ring of the other side, m; below 0 they collide.
     pub petal_to_ring_m: f64,
-    /// Roll either way until petals of the two sides touch, rad; below 0 they collide. `None` when
-    /// one side has no petals.
+    /// Roll either way until edges of petals of the two sides touch, rad; not above 0: they collide. `None`
+    /// when one side has no petals.
     pub roll_play_rad: Option<f64>,
 }
 
@@ -823,9 +823,68 @@ pub fn mated_fit(active: &SideGeometry, passive: &SideGeometry) -> MatedFit {
                 + g.thickness_m / 2.0 / radius
         };
         let at = |x: f64| half(&a, x) + half(&p, planes_m - x);
-        play - at(0.0).max(at(planes_m))
+        let by_angles = play - at(0.0).max(at(planes_m));
+        if by_angles <= 0.0 { by_angles } else { edge_play(&a, &p, planes_m, by_angles) }
     });
     MatedFit { petal_to_ring_m, roll_play_rad }
+}
+
+/// Roll until the side edges of petals touch, rad: straight lines from base to tip, rounded with half the
+/// thickness. Between lines that lean the angles alone leave too much; `most` is what they leave.
+fn edge_play(a: &PetalGeometry, p: &PetalGeometry, planes_m: f64, most: f64) -> f64 {
+    let edges = |g: &PetalGeometry| -> Vec<[DVec3; 2]> {
+        let at = |x: f64, r: f64, az: f64| DVec3::new(x, r * az.cos(), r * az.sin());
+        let ends = |az: f64, side: f64| {
+            [
+                at(0.0, g.base_radius_m, az + side * g.base_half_angle_rad),
+                at(g.height_m, g.tip_radius_m, az + side * g.tip_half_angle_rad),
+            ]
+        };
+        (0..g.count).flat_map(|i| [-1.0, 1.0].map(|s| ends(g.azimuth_rad(i), s))).collect()
+    };
+    let (active, passive) = (edges(a), edges(p));
+    let apart_m = 0.5 * (a.thickness_m + p.thickness_m);
+    let free = |roll: f64| {
+        let (s, c) = roll.sin_cos();
+        // r4 is turned by 180° about Z and stands where the rings touch.
+        let docked = |x: DVec3| DVec3::new(planes_m - x.x, -c * x.y - s * x.z, c * x.z - s * x.y);
+        passive
+            .iter()
+            .map(|e| e.map(docked))
+            .all(|e| active.iter().all(|other| segment_distance(*other, e) > apart_m))
+    };
+    [-1.0, 1.0]
+        .map(|way| {
+            if !free(0.0) {
+                return 0.0;
+            }
+            let (mut within, mut beyond) = (0.0, most);
+            while beyond - within > 1e-7 {
+                let middle = 0.5 * (within + beyond);
+                if free(way * middle) { within = middle } else { beyond = middle }
+            }
+            within
+        })
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Distance of two line segments (Ericson, Real-Time Collision Detection, §5.1.9).
+fn segment_distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
+    let (d1, d2, r) = (q1 - p1, q2 - p2, p1 - p2);
+    let (a, e) = (d1.length_squared(), d2.length_squared());
+    let (b, c, f) = (d1.dot(d2), d1.dot(r), d2.dot(r));
+    let between = a * e - b * b;
+    let s = if between > 1e-12 * a * e { ((b * f - c * e) / between).clamp(0.0, 1.0) } else { 0.0 };
+    let t = (b * s + f) / e;
+    let (s, t) = if t < 0.0 {
+        ((-c / a).clamp(0.0, 1.0), 0.0)
+    } else if t > 1.0 {
+        (((b - c) / a).clamp(0.0, 1.0), 1.0)
+    } else {
+        (s, t)
+    };
+    ((p1 + d1 * s) - (p2 + d2 * t)).length()
 }
 
 /// Whether petals lean inward.

@@ -490,11 +490,16 @@ pub struct Offload {
 }
 
 impl Offload {
-    /// Natural frequency of the moving mass on the hanger, the ring at rest, Hz; 0 without moving mass.
+    /// Displacement after which the balance's friction slips, m: presliding of guides and bearings.
+    pub const BREAKAWAY_M: f64 = 1e-4;
+
+    /// Natural frequency of the moving mass on the hanger and on its friction before break-away, the ring at
+    /// rest, Hz; 0 without moving mass.
     #[must_use]
     pub fn hanger_hz(&self) -> f64 {
         if self.added_mass_kg > 0.0 {
-            (self.stiffness_n_m / self.added_mass_kg).sqrt() / TAU
+            let stiffness = self.stiffness_n_m + self.friction_n / Self::BREAKAWAY_M;
+            (stiffness / self.added_mass_kg).sqrt() / TAU
         } else {
             0.0
         }

@@ -17,8 +17,7 @@ use docktwin_model::Offload;
 
 use crate::{body::MIDPOINT_ITERATIONS, contact::law::bristle};
 
-/// Displacement after which the balance's friction slips, m: presliding of guides and bearings.
-const BREAKAWAY_M: f64 = 1e-4;
+const BREAKAWAY_M: f64 = Offload::BREAKAWAY_M;
 
 /// What the moving mass remembers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -112,7 +112,7 @@ pub struct Mounted {
     gravity_m_s2: DVec3,
     /// Weight of the ring that no balance carries, N, in `eb`.
     uncarried_n: DVec3,
-    /// The balance, at rest; `None` where there is none or no ring moves.
+    /// The balance; `None` where there is none or no ring moves.
     hanger: Option<Hanger>,
     /// Chaser's mass-centre frame that has `e3` on the rack, in `eb`.
     x_wc: Pose,

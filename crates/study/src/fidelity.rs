@@ -5,7 +5,7 @@
 //! alike. The figures are those of `docktwin_run::fidelity`; nothing is defined here a second time.
 
 use docktwin_model::{Offload, Rig, SixAxisSensor};
-use docktwin_record::{Fidelity, FidelityFigures, FidelityOf};
+use docktwin_record::{Fidelity, FidelityFigures, FidelityOf, Outcome};
 use docktwin_run::{HilOptions, HilRun, RunError, SummaryOnly};
 use docktwin_scenario::Scenario;
 use serde::{Deserialize, Serialize};
@@ -102,29 +102,53 @@ impl Cause {
 }
 
 /// A docking on an emulated rig.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OnRig {
     /// Against the simulated system.
     pub fidelity: Fidelity,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why the supervisor stopped it, if it did: its figures are those of a part of a docking.
+    pub stopped: Option<String>,
+}
+
+/// Over what the figures of a docking count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Window {
+    /// From first contact to capture + 1 s.
+    ToCapture,
+    /// All of it, where nothing is captured.
+    WholeRun,
 }
 
 impl OnRig {
-    /// The hardware's figures that count: to capture + 1 s, or of the whole run where nothing is captured.
+    /// The window that counts for it.
     #[must_use]
-    pub fn hardware(&self) -> FidelityFigures {
-        counting(self.fidelity.hardware)
+    pub fn window(&self) -> Window {
+        let of = self.fidelity.hardware.or(self.fidelity.felt).unwrap_or_default();
+        if of.to_capture.window_s.is_some() { Window::ToCapture } else { Window::WholeRun }
+    }
+
+    /// The hardware's figures.
+    #[must_use]
+    pub fn hardware(&self, window: Window) -> FidelityFigures {
+        of_window(self.fidelity.hardware, window)
     }
 
     /// The same of what was felt.
     #[must_use]
-    pub fn felt(&self) -> FidelityFigures {
-        counting(self.fidelity.felt)
+    pub fn felt(&self, window: Window) -> FidelityFigures {
+        of_window(self.fidelity.felt, window)
     }
 }
 
-fn counting(of: Option<FidelityOf>) -> FidelityFigures {
+fn of_window(of: Option<FidelityOf>, window: Window) -> FidelityFigures {
     let of = of.unwrap_or_default();
-    if of.to_capture.window_s.is_some() { of.to_capture } else { of.whole_run }
+    match window {
+        Window::ToCapture => of.to_capture,
+        Window::WholeRun => of.whole_run,
+    }
 }
 
 /// Runs a scenario on the emulated rig, some causes removed.
@@ -143,11 +167,13 @@ pub fn on_rig(
     })?;
     let rig = run.emulated()?;
     let summary = run.run(rig, &mut SummaryOnly)?;
-    Ok(OnRig { fidelity: summary.fidelity.unwrap_or_default() })
+    let stopped = (summary.outcome == Outcome::Stopped)
+        .then(|| summary.failure_reason.unwrap_or_else(|| "stopped by the supervisor".to_owned()));
+    Ok(OnRig { fidelity: summary.fidelity.unwrap_or_default(), outcome: summary.outcome, stopped })
 }
 
 /// What one cause does.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
     /// The cause.
     pub cause: Cause,
@@ -170,23 +196,37 @@ pub struct Budget {
     pub shares: Vec<Share>,
 }
 
-/// A figure of a docking; `None` where it means nothing.
-pub type Figure = fn(&OnRig) -> Option<f64>;
+/// A figure of a docking over a window; `None` where it means nothing.
+pub type Figure = fn(&OnRig, Window) -> Option<f64>;
 
 impl Budget {
     /// What a cause adds to a figure: by taking it away from the rig as it is, by adding it to a rig without
-    /// any cause; their difference is its interaction with the others.
+    /// any cause; their difference is its interaction with the others. All over the window of the docking as it is;
+    /// `None` where a run was stopped or has no such window.
     #[must_use]
     pub fn parts(&self, share: &Share, figure: Figure) -> [Option<f64>; 2] {
-        let less = |a: &OnRig, b: &OnRig| Some(figure(a)? - figure(b)?);
+        let value = |r: &OnRig| figure(r, self.as_is.window()).filter(|_| r.stopped.is_none());
+        let less = |a: &OnRig, b: &OnRig| Some(value(a)? - value(b)?);
         [less(&self.as_is, &share.without), less(&share.alone, &self.without_all)]
+    }
+
+    /// All runs that the supervisor stopped: what was removed or left, and why.
+    pub fn stopped(&self) -> impl Iterator<Item = &str> {
+        let of_causes = self.shares.iter().flat_map(|s| [&s.without, &s.alone]);
+        let all = [&self.as_is, &self.without_all].into_iter().chain(of_causes);
+        all.filter_map(|r| r.stopped.as_deref())
     }
 
     /// The cause whose removal takes most off the force's error on the hardware, and what is left of it.
     #[must_use]
     pub fn mend_first(&self) -> Option<(Cause, f64)> {
-        let left = |s: &Share| s.without.hardware().nrms_force;
-        let best = self.shares.iter().filter_map(|s| Some((s.cause, left(s)?)));
+        let window = self.as_is.window();
+        let left = |s: &Share| s.without.hardware(window).nrms_force;
+        let best = self
+            .shares
+            .iter()
+            .filter(|s| s.without.stopped.is_none())
+            .filter_map(|s| Some((s.cause, left(s)?)));
         best.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }

@@ -29,7 +29,7 @@ fn without_balance(root: &Path, to: &Path) -> HilOptions {
 }
 
 fn force(on: &OnRig) -> f64 {
-    on.hardware().nrms_force.expect("a docking")
+    on.hardware(on.window()).nrms_force.expect("a docking")
 }
 
 /// The weight of the ring is known to make a third of the force wrong; the balance of the default rig takes it
@@ -44,9 +44,9 @@ fn regress_a_balance_removes_what_the_weight_does() {
     let carried = on_rig(&scenario, &HilOptions::default(), &[]).expect("a run");
     assert!(force(&weighed) > 0.25, "{weighed:?}");
     assert!(force(&removed) < 0.05 && force(&carried) < 0.06, "{removed:?} {carried:?}");
-    let peak = |on: &OnRig| on.hardware().peak_force_ratio.expect("a docking") - 1.0;
+    let peak = |on: &OnRig| on.hardware(on.window()).peak_force_ratio.expect("a docking") - 1.0;
     assert!(peak(&weighed) < -0.08 && peak(&carried).abs() < 0.02);
     // Felt and hardware are told apart: until the latches hold, sensor A does not feel what the ring takes.
-    let felt = carried.felt().nrms_force.expect("a docking");
+    let felt = carried.felt(carried.window()).nrms_force.expect("a docking");
     assert!(felt > force(&carried), "{felt}");
 }

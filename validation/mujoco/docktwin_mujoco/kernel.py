@@ -51,7 +51,9 @@ PHASE, TIMES, ANCHOR, PRELOAD = 10, 13, 30, 39
 # Of every cell the number of its bristle, counted from 1; how far a pair was apart and at which pose.
 SLOT, CLEAR, CONTROL = 50, 180, 390
 PLACES = 402
-S_SIZE = 404
+# Largest so far of what limits are about, in the order of `outcome.LIMITS`.
+LOADS, N_LOADS = 404, 7
+S_SIZE = 412
 PAIRS = 16
 CLEAR_SIZE = 13
 # Cores nearer to each other than this are said to meet: their normal is no longer to be believed, m.
@@ -79,7 +81,8 @@ DEFLECTION, PSI, PORT3, PORT4, CONTACT, PHASES, GAPS, N_PLACES, FORCE_NOW, CONTR
     59, 62, 65, 71, 77, 80, 83, 86, 87, 88
 )
 LATCH_FORCE, N_SHOWN, SHOWN_ROW = 100, 109, 110
-ROW = 110 + SHOWN_SIZE * MOST_SHOWN
+LOADS_ROW = 110 + SHOWN_SIZE * MOST_SHOWN
+ROW = LOADS_ROW + N_LOADS
 
 
 @njit(cache=True)
@@ -625,6 +628,16 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         act_on(
             qfrc, 0, rc, mul(a_f, -1.0), mul(add(a_m, cross(sub(pr, pc), a_f)), -1.0)
         )
+    if first:
+        # Limits are judged in every step, by the wrench about the passive ring's centre.
+        f_i, m_i = back(r4, f_w), back(r4, add(m_w, cross(sub(pr, pp), f_w)))
+        over = beyond_travel(P, chain(transposed(r3), rr), back(r3, sub(pr, p3)))
+        loads = (
+            f_i[0], -f_i[0], norm((0.0, f_i[1], f_i[2])),
+            abs(m_i[0]), norm((0.0, m_i[1], m_i[2])), depth, over,
+        )
+        for i in range(N_LOADS):
+            S[LOADS + i] = max(S[LOADS + i], loads[i])
     fc, ft = turn(rc, at3(S, CONTROL)), turn(rt, at3(S, CONTROL + 6))
     act_on(qfrc, 0, rc, fc, turn(rc, at3(S, CONTROL + 3)))
     act_on(qfrc, v, rt, ft, turn(rt, at3(S, CONTROL + 9)))
@@ -657,6 +670,8 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         put3(row, INTERFACE, back(r4, f_w))
         put3(row, INTERFACE + 3, back(r4, add(m_w, cross(sub(pr, pp), f_w))))
         row[DEPTH_NOW], row[DEPTH_PEAK] = depth, S[PEAK_D]
+        for i in range(N_LOADS):
+            row[LOADS_ROW + i] = S[LOADS + i]
         r_3r, p_3r = chain(transposed(r3), rr), back(r3, sub(pr, p3))
         row[OVERTRAVEL] = beyond_travel(P, r_3r, p_3r)
         put3(row, DEFLECTION, (p_3r[0] - P[OFFSET_A], p_3r[1], p_3r[2]))

@@ -7,6 +7,11 @@ import math
 from . import kernel as k
 
 
+LIMITS = (
+    "compression_n", "tension_n", "shear_n", "torsion_nm", "bending_nm", "depth_m", "overtravel_m",
+)
+
+
 def _height(side) -> float:
     petals = 0.0 if side.petals is None else side.petals.height_m + 0.5 * side.petals.thickness_m
     return petals + side.ring_section_radius_m
@@ -65,14 +70,10 @@ class Monitor:
             self.separated = None
 
     def _limits(self, row, t) -> None:
-        fx, fy, fz, mx, my, mz = (float(v) for v in row[k.INTERFACE : k.INTERFACE + 6])
-        for name, reached in (
-            ("compression_n", fx), ("tension_n", -fx), ("shear_n", math.hypot(fy, fz)),
-            ("torsion_nm", abs(mx)), ("bending_nm", math.hypot(my, mz)),
-            ("depth_m", float(row[k.DEPTH_PEAK])), ("overtravel_m", float(row[k.OVERTRAVEL])),
-        ):
+        # Largest of all steps up to this tick.
+        for name, reached in zip(LIMITS, row[k.LOADS_ROW : k.LOADS_ROW + k.N_LOADS], strict=True):
             if reached > self.limits[name]:
-                self.limit = (name, reached, t)
+                self.limit = (name, float(reached), t)
                 return
 
     def _thrust_ahead(self, t) -> bool:

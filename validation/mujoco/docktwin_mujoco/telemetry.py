@@ -94,7 +94,7 @@ def contacts(run) -> dict:
     rows = run.rows
     counts = rows[:, k.N_SHOWN].astype(np.int64)
     tick = np.repeat(np.arange(len(rows)), counts)
-    each = rows[:, k.SHOWN_ROW : k.ROW].reshape(len(rows), k.MOST_SHOWN, k.SHOWN_SIZE)
+    each = rows[:, k.SHOWN_ROW : k.LOADS_ROW].reshape(len(rows), k.MOST_SHOWN, k.SHOWN_SIZE)
     found = each[np.arange(k.MOST_SHOWN)[None, :] < counts[:, None]]
     out = {"tick": tick.astype(np.uint64), "pair": found[:, 0].astype(np.uint64)}
     for name, unit, at in (("point", "m", 1), ("normal_force", "n", 4), ("friction", "n", 7)):

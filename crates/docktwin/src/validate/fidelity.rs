@@ -5,13 +5,13 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::Args;
 use docktwin_report::study::fidelity as report;
 use docktwin_run::HilOptions;
-use docktwin_scenario::{CompensatorChoice, load_scenario};
+use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
 use docktwin_study::fidelity::{budget, on_rig};
 use serde_json::json;
 
 use crate::{
     args::{compensator, not_negative},
-    failure::Failure,
+    failure::{Failure, OTHERWISE},
     inputs::overrides,
     results::{Bars, Results},
 };
@@ -34,7 +34,7 @@ Examples:
   docktwin validate fidelity scenarios/apas_fast.toml --budget
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
 
-Exit codes: 0 every run came to its end; 2 bad input.";
+Exit codes: 0 every run came to its end; 1 the supervisor stopped one; 2 bad input.";
 
 /// Options of `validate fidelity`.
 #[derive(Debug, Args)]
@@ -68,6 +68,20 @@ pub(crate) struct FidelityArgs {
     out: Option<PathBuf>,
 }
 
+/// In a budget the lead follows the delays that are left in the rig: a given one would be too long for them.
+fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failure> {
+    let given = |s: &&Scenario| s.hil.lead_s.is_some();
+    let where_ = match (args.lead_ms, all.iter().find(given)) {
+        (Some(_), _) => "--lead-ms".to_owned(),
+        (None, Some(s)) => format!("loop.lead_s of {}", s.name),
+        (None, None) => return Ok(()),
+    };
+    Err(Failure::Usage {
+        what: format!("{where_} fixes the lead, but a budget takes delays away"),
+        remedy: "leave it out: the lead then follows the rig".to_owned(),
+    })
+}
+
 /// Runs the command.
 pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> {
     let options = HilOptions {
@@ -86,13 +100,16 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
         .collect::<Result<Vec<_>, _>>()?;
     let mut results = Results::new(args.out.as_deref(), "fidelity")?;
     if args.budget {
+        refuse_given_lead(args, &all)?;
         let mut budgets = Vec::new();
         for scenario in &all {
             budgets.push(budget(scenario, &options, &mut Bars::new(json))?);
         }
         results.tables(report::tables(&budgets))?;
         let words: String = budgets.iter().map(report::budget_words).collect();
-        return results.finish("fidelity", &json!({ "budgets": budgets }), &words, json);
+        let code = results.finish("fidelity", &json!({ "budgets": budgets }), &words, json)?;
+        let stopped = budgets.iter().any(|b| b.stopped().next().is_some());
+        return Ok(if stopped { ExitCode::from(OTHERWISE) } else { code });
     }
     let mut found = Vec::new();
     for scenario in &all {
@@ -100,7 +117,15 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
     }
     let scenarios: Vec<_> = found
         .iter()
-        .map(|(name, on)| json!({ "scenario": name, "fidelity": on.fidelity }))
+        .map(|(name, on)| {
+            json!({
+                "scenario": name, "outcome": on.outcome, "stopped": on.stopped,
+                "window": on.window(), "fidelity": on.fidelity,
+            })
+        })
         .collect();
-    results.finish("fidelity", &json!({ "scenarios": scenarios }), &report::words(&found), json)
+    let all = json!({ "scenarios": scenarios });
+    let code = results.finish("fidelity", &all, &report::words(&found), json)?;
+    let stopped = found.iter().any(|(_, on)| on.stopped.is_some());
+    Ok(if stopped { ExitCode::from(OTHERWISE) } else { code })
 }

@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig};
+use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig, Window};
 
 use super::NamedText;
 
@@ -26,12 +26,12 @@ pub const fn cause(cause: Cause) -> &'static str {
 
 /// Figures of the tables: name, and where it stands.
 const FIGURES: [(&str, Figure); 6] = [
-    ("felt peak", |r| r.felt().peak_force_ratio),
-    ("felt force", |r| r.felt().nrms_force),
-    ("felt pose", |r| r.felt().nrms_pose),
-    ("hardware peak", |r| r.hardware().peak_force_ratio),
-    ("hardware force", |r| r.hardware().nrms_force),
-    ("hardware pose", |r| r.hardware().nrms_pose),
+    ("felt peak", |r, w| r.felt(w).peak_force_ratio),
+    ("felt force", |r, w| r.felt(w).nrms_force),
+    ("felt pose", |r, w| r.felt(w).nrms_pose),
+    ("hardware peak", |r, w| r.hardware(w).peak_force_ratio),
+    ("hardware force", |r, w| r.hardware(w).nrms_force),
+    ("hardware pose", |r, w| r.hardware(w).nrms_pose),
 ];
 
 fn number(x: Option<f64>, signed: bool) -> String {
@@ -42,14 +42,28 @@ fn number(x: Option<f64>, signed: bool) -> String {
     }
 }
 
+/// A window in words.
+#[must_use]
+pub const fn window(window: Window) -> &'static str {
+    match window {
+        Window::ToCapture => "to capture + 1 s",
+        Window::WholeRun => "whole run",
+    }
+}
+
 /// One row for every scenario: both comparisons, to capture + 1 s or of the whole run.
 #[must_use]
 pub fn words(all: &[(String, OnRig)]) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
-    let _ = writeln!(out, "{:<24}{}", "scenario", heads());
+    let _ = writeln!(out, "{:<24}{:<18}{}", "scenario", "window", heads());
     for (name, on) in all {
-        let _ = writeln!(out, "{name:<24}{}", row(|f| number(f(on), false)));
+        let over = on.window();
+        let figures = row(|f| number(f(on, over), false));
+        let _ = writeln!(out, "{name:<24}{:<18}{figures}", window(over));
+        if let Some(why) = &on.stopped {
+            let _ = writeln!(out, "{:<24}stopped, so these are figures of a part: {why}", "");
+        }
     }
     out
 }
@@ -67,9 +81,10 @@ fn row(cell: impl Fn(Figure) -> String) -> String {
 #[must_use]
 pub fn budget_words(b: &Budget) -> String {
     let mut out = String::new();
-    let _ = writeln!(out, "{}\n{:<44}{}", b.scenario, "", heads());
+    let over = b.as_is.window();
+    let _ = writeln!(out, "{}\n{:<44}{}", b.scenario, window(over), heads());
     for (name, on) in [("as it is", &b.as_is), ("all causes removed", &b.without_all)] {
-        let _ = writeln!(out, "{name:<44}{}", row(|f| number(f(on), false)));
+        let _ = writeln!(out, "{name:<44}{}", row(|f| number(f(on, over), false)));
     }
     for share in &b.shares {
         let name = cause(share.cause);
@@ -78,6 +93,9 @@ pub fn budget_words(b: &Budget) -> String {
             let _ = writeln!(out, "{label:<44}{}", row(|f| number(b.parts(share, f)[i], true)));
         }
     }
+    for why in b.stopped() {
+        let _ = writeln!(out, "a run was stopped and is left out: {why}");
+    }
     let _ = writeln!(out, "{}", mend_first(b));
     out
 }
@@ -85,7 +103,7 @@ pub fn budget_words(b: &Budget) -> String {
 /// What to mend first, in one sentence.
 #[must_use]
 pub fn mend_first(b: &Budget) -> String {
-    let whole = b.as_is.hardware().nrms_force;
+    let whole = b.as_is.hardware(b.as_is.window()).nrms_force;
     match (b.mend_first(), whole) {
         (Some((first, left)), Some(whole)) if left < (1.0 - LEAST_SHARE) * whole => format!(
             "{}: mend the {} first; without it the error of the force on the hardware is {:.1} % instead of \
@@ -106,7 +124,7 @@ pub fn mend_first(b: &Budget) -> String {
 /// `fidelity-budget.csv`: one row a scenario, cause and way of finding its part.
 #[must_use]
 pub fn tables(all: &[Budget]) -> Vec<NamedText> {
-    let mut out = "scenario,cause,by".to_owned();
+    let mut out = "scenario,window,cause,by".to_owned();
     for (name, _) in FIGURES {
         let _ = write!(out, ",{}", name.replace(' ', "_"));
     }
@@ -115,7 +133,8 @@ pub fn tables(all: &[Budget]) -> Vec<NamedText> {
     for b in all {
         for share in &b.shares {
             for (by, i) in [("removed", 0), ("alone", 1)] {
-                let _ = write!(out, "{},{},{by}", b.scenario, cause(share.cause));
+                let over = window(b.as_is.window());
+                let _ = write!(out, "{},{over},{},{by}", b.scenario, cause(share.cause));
                 for (_, f) in FIGURES {
                     let part = cell(b.parts(share, f)[i]);
                     out.push_str(if part.is_empty() { "," } else { &part });
