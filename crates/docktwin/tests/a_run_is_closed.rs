@@ -51,7 +51,12 @@ fn under_way(run: &Path) {
 fn stopped_by(words: &[&str], name: &str, at: &Path) {
     let run = at.join(name);
     let out = run.to_str().expect("a path of letters");
-    let child = docktwin(&[words, &["--no-rrd", "--json", "--out", out]].concat())
+    // A shell without job control starts what runs in the background deaf to interrupts, as `nohup` does to
+    // hangups, and docktwin keeps to that: here it must hear.
+    let child = Command::new("env")
+        .args(["--default-signal=INT,TERM,HUP", BINARY])
+        .args([words, &["--no-rrd", "--json", "--out", out]].concat())
+        .current_dir(root())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
