@@ -4,7 +4,7 @@
 //! commands the inner loops go on along the newest one: length with its speed and acceleration, flow
 //! and force with the rate between the last two commands.
 
-use docktwin_core::{Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::{HydraulicPreset, Rig};
 use docktwin_physics::{
     hydraulics::LegParameters,
@@ -186,6 +186,25 @@ impl LegCommand {
     }
 }
 
+impl RigCommand {
+    /// Pose, twist and acceleration of the plate `since_s` after this command arrived, `before` being the one before
+    /// it: along twist and acceleration, as [`LegCommand::target`].
+    fn motion(&self, before: &Self, since_s: f64) -> (Pose, Twist, Twist) {
+        let rate = |x: DVec3, x0: DVec3| (x - x0) / TICK_S;
+        let acceleration = Twist {
+            v: rate(self.twist.v, before.twist.v),
+            w: rate(self.twist.w, before.twist.w),
+        };
+        let (t, half) = (since_s, 0.5 * since_s);
+        let mean = Twist {
+            v: self.twist.v + acceleration.v * half,
+            w: self.twist.w + acceleration.w * half,
+        };
+        let end = Twist { v: self.twist.v + acceleration.v * t, w: self.twist.w + acceleration.w * t };
+        (Platform::moved(&self.x_bp, &mean, t), end, acceleration)
+    }
+}
+
 /// A rig that runs: plant, controllers and command path.
 #[derive(Clone, Debug)]
 pub struct ClosedRig<P = ReducedRig> {
@@ -198,6 +217,8 @@ pub struct ClosedRig<P = ReducedRig> {
     state: RigState,
     valves: [f64; 6],
     path: CommandPath<RigCommand>,
+    /// The plate goes where it is commanded, without oil, valves and seals.
+    exact: bool,
 }
 
 impl ClosedRig {
@@ -242,7 +263,16 @@ impl<P: RigPlant> ClosedRig<P> {
             state,
             valves: [0.0; 6],
             path: CommandPath::new(rest, setup.dead_time_s)?,
+            exact: false,
         })
+    }
+
+    /// With legs that do exactly what they are commanded, after the dead time: neither oil nor valves nor seals, and
+    /// no load that moves them. What a rig differs by because of its legs is found by comparing with this.
+    #[must_use]
+    pub const fn exact(mut self) -> Self {
+        self.exact = true;
+        self
     }
 
     /// The plant.
@@ -268,6 +298,10 @@ impl<P: RigPlant> ClosedRig<P> {
         mut external: impl FnMut(&Pose, &Twist) -> Wrench,
     ) -> Result<RigMeasurement, RigFault> {
         self.path.take(*command);
+        if self.exact {
+            self.follow(external);
+            return Ok(self.measure());
+        }
         let sample_s = TICK_S / f64::from(self.samples);
         for k in 0..self.samples {
             let (now, before, since) = self.path.at(f64::from(k) * sample_s);
@@ -285,6 +319,23 @@ impl<P: RigPlant> ClosedRig<P> {
             }
         }
         Ok(self.measure())
+    }
+
+    /// A tick of legs without dynamics.
+    fn follow(&mut self, mut external: impl FnMut(&Pose, &Twist) -> Wrench) {
+        let step_s = self.plant.step_s();
+        let steps = self.samples * self.steps;
+        for k in 0..steps {
+            let at = |part: f64| {
+                let (now, before, since) = self.path.at((f64::from(k) + part) * step_s);
+                now.motion(before, since)
+            };
+            let ((middle, twist, _), (x_bp, end, acceleration)) = (at(0.5), at(1.0));
+            let _ = external(&middle, &twist);
+            let s = &mut self.state;
+            (s.x_bp, s.twist, s.acceleration) = (x_bp, end, acceleration);
+        }
+        self.state.length_m = self.plant.platform().at(&self.state.x_bp).length_m;
     }
 
     /// What sensors and truth say now.

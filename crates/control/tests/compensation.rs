@@ -281,7 +281,8 @@ fn conforms<C: Compensator>(
         assert!(added.port3.f.length() < 1e-6 && added.port4.f.length() < 1e-6, "{added:?}");
     }
     let name = delayed().name();
-    assert!(!name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c == '-'));
+    let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    assert!(!name.is_empty() && name.chars().all(plain), "{name}: lower-case letters, digits and -");
 }
 
 #[test]

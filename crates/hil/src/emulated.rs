@@ -207,6 +207,20 @@ impl<P: RigPlant> EmulatedRig<P> {
         [pair(on_a), pair(carried.on_b.wrench(&at_b)), at_b.feels()]
     }
 
+    /// The same rig with legs that do exactly what they are commanded ([`ClosedRig::exact`]).
+    #[must_use]
+    pub fn with_exact_legs(mut self) -> Self {
+        self.closed = self.closed.exact();
+        self
+    }
+
+    /// The same rig with a ring that feels its chaser give way ([`Mounted::carry_along`]).
+    #[must_use]
+    pub const fn with_yielding_rack(mut self) -> Self {
+        self.mounted.carry_along();
+        self
+    }
+
     /// The mechanism.
     #[must_use]
     pub const fn mounted(&self) -> &Mounted {

@@ -159,39 +159,42 @@ pub fn contact_rows(i: &Instant, out: &mut Vec<ContactRow>) {
     }));
 }
 
+fn vector(out: &mut Vec<Cell>, v: DVec3) {
+    out.extend(v.to_array().map(Cell::from));
+}
+
 /// One row; `out` is cleared and filled without growing after the first tick.
 pub fn row(i: &Instant, system: &System, inputs: &Inputs, digest: u64, out: &mut Vec<Cell>) {
     out.clear();
-    let mut vector = |v: DVec3| out.extend(v.to_array().map(Cell::from));
     for (b, m) in i.state.bodies.iter().zip(system.mass()) {
-        vector(b.p);
-        vector(b.v);
-        vector(b.rate_body(m));
+        vector(out, b.p);
+        vector(out, b.v);
+        vector(out, b.rate_body(m));
     }
     let frames = i.measured.poses();
     let x_34 = frames.x_w3.inverse() * frames.x_w4;
     let e = Euler::from_quat(x_34.q);
-    vector(x_34.p);
-    vector(DVec3::new(e.roll, e.pitch, e.yaw));
-    vector(i.relative.v);
-    vector(i.relative.w);
+    vector(out, x_34.p);
+    vector(out, DVec3::new(e.roll, e.pitch, e.yaw));
+    vector(out, i.relative.v);
+    vector(out, i.relative.w);
     let d = i.measured.deflection();
-    vector(d.d);
-    vector(d.psi);
+    vector(out, d.d);
+    vector(out, d.psi);
     for w in [i.port3, i.port4] {
-        vector(w.f);
-        vector(w.m);
+        vector(out, w.f);
+        vector(out, w.m);
     }
-    vector(i.forces.contact_on_target);
+    vector(out, i.forces.contact_on_target);
     for w in [inputs.chaser, inputs.target] {
-        vector(w.f);
-        vector(w.m);
+        vector(out, w.f);
+        vector(out, w.m);
     }
     for f in i.latch_force_n {
-        vector(f);
+        vector(out, f);
     }
-    vector(i.momentum.f);
-    vector(i.momentum.m);
+    vector(out, i.momentum.f);
+    vector(out, i.momentum.m);
     for b in &i.state.bodies {
         out.extend([b.q.w, b.q.x, b.q.y, b.q.z].map(Cell::from));
     }

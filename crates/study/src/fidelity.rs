@@ -32,6 +32,10 @@ pub enum Cause {
     LegFriction,
     /// Lag of the servo valves.
     Valve,
+    /// Legs that do not go exactly where they are commanded: oil, valves and seals. Seals and valves act through it.
+    Legs,
+    /// The rack stands still where the chaser in orbit gives way, so the ring feels less.
+    Rack,
 }
 
 /// Fastest sensor and valve of a rig without that cause, Hz.
@@ -44,7 +48,7 @@ const ONE_TICK_S: f64 = 0.001;
 
 impl Cause {
     /// All, in the order of the tables.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::Weight,
         Self::SensorScheme,
         Self::Noise,
@@ -53,7 +57,35 @@ impl Cause {
         Self::Delay,
         Self::LegFriction,
         Self::Valve,
+        Self::Legs,
+        Self::Rack,
     ];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Weight => "weight",
+            Self::SensorScheme => "sensor_scheme",
+            Self::Noise => "noise",
+            Self::DeadZone => "dead_zone",
+            Self::SensorLag => "sensor_lag",
+            Self::Delay => "delay",
+            Self::LegFriction => "leg_friction",
+            Self::Valve => "valve",
+            Self::Legs => "legs",
+            Self::Rack => "rack",
+        }
+    }
+
+    /// What must be there for it to act at all.
+    #[must_use]
+    pub const fn acts_through(self) -> Option<Self> {
+        match self {
+            Self::LegFriction | Self::Valve => Some(Self::Legs),
+            _ => None,
+        }
+    }
 
     /// Takes it out of a rig.
     fn remove_from(self, rig: &mut Rig) {
@@ -74,8 +106,8 @@ impl Cause {
                 };
                 rig.offload = Some(ideal);
             }
-            // A setting of the loop, not of the rig.
-            Self::SensorScheme => {}
+            // A setting of the loop, and what no file of a rig can say.
+            Self::SensorScheme | Self::Legs | Self::Rack => {}
             Self::Noise => {
                 sensors(&|s| {
                     s.noise = s.noise.map(|x| x * NEARLY_NONE);
@@ -165,7 +197,15 @@ pub fn on_rig(
     let run = HilRun::with_rig(&scenario, options.clone(), |rig| {
         removed.iter().for_each(|cause| cause.remove_from(rig));
     })?;
-    let rig = run.emulated()?;
+    let rig = run.emulated_with(|mut rig| {
+        if removed.contains(&Cause::Legs) {
+            rig = rig.with_exact_legs();
+        }
+        if removed.contains(&Cause::Rack) {
+            rig = rig.with_yielding_rack();
+        }
+        rig
+    })?;
     let summary = run.run(rig, &mut SummaryOnly)?;
     let stopped = (summary.outcome == Outcome::Stopped)
         .then(|| summary.failure_reason.unwrap_or_else(|| "stopped by the supervisor".to_owned()));
@@ -179,7 +219,7 @@ pub struct Share {
     pub cause: Cause,
     /// The docking without it, all others there.
     pub without: OnRig,
-    /// The docking with it alone.
+    /// The docking with it alone, and with what it acts through.
     pub alone: OnRig,
 }
 
@@ -207,7 +247,20 @@ impl Budget {
     pub fn parts(&self, share: &Share, figure: Figure) -> [Option<f64>; 2] {
         let value = |r: &OnRig| figure(r, self.as_is.window()).filter(|_| r.stopped.is_none());
         let less = |a: &OnRig, b: &OnRig| Some(value(a)? - value(b)?);
-        [less(&self.as_is, &share.without), less(&share.alone, &self.without_all)]
+        [less(&self.as_is, &share.without), less(&share.alone, self.without(share.cause))]
+    }
+
+    /// What removing a cause takes away beyond what it adds alone: its interaction with the others.
+    #[must_use]
+    pub fn interaction(&self, share: &Share, figure: Figure) -> Option<f64> {
+        let [removed, alone] = self.parts(share, figure);
+        Some(removed? - alone?)
+    }
+
+    /// The docking without any cause but what this one acts through.
+    fn without(&self, cause: Cause) -> &OnRig {
+        let through = self.shares.iter().find(|s| Some(s.cause) == cause.acts_through());
+        through.map_or(&self.without_all, |s| &s.alone)
     }
 
     /// All runs that the supervisor stopped: what was removed or left, and why.
@@ -231,7 +284,7 @@ impl Budget {
     }
 }
 
-/// The budget of a scenario: 18 runs.
+/// The budget of a scenario: two runs a cause, and two.
 ///
 /// # Errors
 /// As [`on_rig`].
@@ -252,7 +305,8 @@ pub fn budget(
     let without_all = run(&Cause::ALL)?;
     let mut shares = Vec::new();
     for cause in Cause::ALL {
-        let others: Vec<Cause> = Cause::ALL.into_iter().filter(|c| *c != cause).collect();
+        let stays = |c: Cause| c == cause || cause.acts_through() == Some(c);
+        let others: Vec<Cause> = Cause::ALL.into_iter().filter(|c| !stays(*c)).collect();
         shares.push(Share { cause, without: run(&[cause])?, alone: run(&others)? });
     }
     progress.done();

@@ -9,7 +9,8 @@
 //!    for it is made.
 //!
 //! A new method needs a file here, a variant of [`Compensation`] and of [`Method`], and a name on
-//! the command line; `tests/compensation.rs` has the tests that every method must pass.
+//! the command line; `tests/compensation.rs` has the tests that every method must pass. The recipe is in
+//! CONTRIBUTING.md, "A new compensator".
 
 mod context;
 mod lead;

@@ -6,7 +6,7 @@ use clap::Args;
 use docktwin_report::study::fidelity as report;
 use docktwin_run::HilOptions;
 use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
-use docktwin_study::fidelity::{budget, on_rig};
+use docktwin_study::fidelity::{Cause, budget, on_rig};
 use serde_json::json;
 
 use crate::{
@@ -24,14 +24,17 @@ contact to one second after capture, or of the whole run where nothing is captur
 
 With --budget one cause after the other is taken out of the rig, and put alone into a rig without
 any: weight of the ring, single-sensor scheme, noise, dead zone and lag of the sensors, dead time
-and friction of the legs, lag of the valves. What a cause adds by either way differs where causes
-interact. That makes 18 runs a scenario.
+of the legs, their oil, valves and seals, and the rack, which does not give way as the chaser does
+in orbit. What a cause adds by either way differs where causes interact. That makes 22 runs a
+scenario. With --without the scenarios run once, these causes taken away.
 
-The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv.
+The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv
+and a plot of every scenario.
 
 Examples:
   docktwin validate fidelity scenarios/apas_nominal.toml scenarios/apas_fast.toml
   docktwin validate fidelity scenarios/apas_fast.toml --budget
+  docktwin validate fidelity scenarios/apas_fast.toml --without legs --without rack
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
 
 Exit codes: 0 every run came to its end; 1 the supervisor stopped one; 2 bad input.";
@@ -45,6 +48,9 @@ pub(crate) struct FidelityArgs {
     /// Take one cause of deviation after the other away
     #[arg(long)]
     budget: bool,
+    /// Take these causes away, `all` or names as in fidelity.json, repeatable
+    #[arg(long, value_name = "CAUSE", value_parser = causes, conflicts_with = "budget")]
+    without: Vec<Causes>,
     /// Override a key of every scenario, repeatable
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     set: Vec<String>,
@@ -68,6 +74,20 @@ pub(crate) struct FidelityArgs {
     out: Option<PathBuf>,
 }
 
+/// One cause, or all.
+#[derive(Clone, Debug)]
+struct Causes(Vec<Cause>);
+
+fn causes(text: &str) -> Result<Causes, String> {
+    if text == "all" {
+        return Ok(Causes(Cause::ALL.to_vec()));
+    }
+    let found = Cause::ALL.into_iter().find(|c| c.name() == text);
+    found.map(|c| Causes(vec![c])).ok_or_else(|| {
+        format!("give all or one of {}", Cause::ALL.map(Cause::name).join(", "))
+    })
+}
+
 /// In a budget the lead follows the delays that are left in the rig: a given one would be too long for them.
 fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failure> {
     let given = |s: &&Scenario| s.hil.lead_s.is_some();
@@ -77,7 +97,7 @@ fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failur
         (None, None) => return Ok(()),
     };
     Err(Failure::Usage {
-        what: format!("{where_} fixes the lead, but a budget takes delays away"),
+        what: format!("{where_} fixes the lead, but --budget and --without take delays away"),
         remedy: "leave it out: the lead then follows the rig".to_owned(),
     })
 }
@@ -99,13 +119,17 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
         .map(|path| load_scenario(path, &set))
         .collect::<Result<Vec<_>, _>>()?;
     let mut results = Results::new(args.out.as_deref(), "fidelity")?;
-    if args.budget {
+    let removed: Vec<Cause> = args.without.iter().flat_map(|c| c.0.iter().copied()).collect();
+    if args.budget || !removed.is_empty() {
         refuse_given_lead(args, &all)?;
+    }
+    if args.budget {
         let mut budgets = Vec::new();
         for scenario in &all {
             budgets.push(budget(scenario, &options, &mut Bars::new(json))?);
         }
         results.tables(report::tables(&budgets))?;
+        results.plots(report::plots(&budgets))?;
         let words: String = budgets.iter().map(report::budget_words).collect();
         let code = results.finish("fidelity", &json!({ "budgets": budgets }), &words, json)?;
         let stopped = budgets.iter().any(|b| b.stopped().next().is_some());
@@ -113,14 +137,14 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
     }
     let mut found = Vec::new();
     for scenario in &all {
-        found.push((scenario.name.clone(), on_rig(scenario, &options, &[])?));
+        found.push((scenario.name.clone(), on_rig(scenario, &options, &removed)?));
     }
     let scenarios: Vec<_> = found
         .iter()
         .map(|(name, on)| {
             json!({
                 "scenario": name, "outcome": on.outcome, "stopped": on.stopped,
-                "window": on.window(), "fidelity": on.fidelity,
+                "window": on.window(), "fidelity": on.fidelity, "without": removed,
             })
         })
         .collect();

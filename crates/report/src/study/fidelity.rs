@@ -2,6 +2,7 @@
 
 use core::fmt::Write as _;
 
+use docktwin_plot::{Axis, Bar, Colour, Embed, Lane, Plot, PlotError};
 use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig, Window};
 
 use super::NamedText;
@@ -21,6 +22,8 @@ pub const fn cause(cause: Cause) -> &'static str {
         Cause::Delay => "dead time of the legs",
         Cause::LegFriction => "friction of the legs",
         Cause::Valve => "lag of the valves",
+        Cause::Legs => "legs: oil, valves, seals",
+        Cause::Rack => "rack that does not give way",
     }
 }
 
@@ -92,6 +95,8 @@ pub fn budget_words(b: &Budget) -> String {
             let label = format!("{name}, {by}");
             let _ = writeln!(out, "{label:<44}{}", row(|f| number(b.parts(share, f)[i], true)));
         }
+        let label = format!("{name}, interaction");
+        let _ = writeln!(out, "{label:<44}{}", row(|f| number(b.interaction(share, f), true)));
     }
     for why in b.stopped() {
         let _ = writeln!(out, "a run was stopped and is left out: {why}");
@@ -132,11 +137,14 @@ pub fn tables(all: &[Budget]) -> Vec<NamedText> {
     let cell = |x: Option<f64>| x.map_or(String::new(), |x| format!(",{x}"));
     for b in all {
         for share in &b.shares {
-            for (by, i) in [("removed", 0), ("alone", 1)] {
+            for (by, i) in [("removed", 0), ("alone", 1), ("interaction", 2)] {
                 let over = window(b.as_is.window());
                 let _ = write!(out, "{},{over},{},{by}", b.scenario, cause(share.cause));
                 for (_, f) in FIGURES {
-                    let part = cell(b.parts(share, f)[i]);
+                    let part = cell(match i {
+                        2 => b.interaction(share, f),
+                        _ => b.parts(share, f)[i],
+                    });
                     out.push_str(if part.is_empty() { "," } else { &part });
                 }
                 out.push('\n');
@@ -144,4 +152,54 @@ pub fn tables(all: &[Budget]) -> Vec<NamedText> {
         }
     }
     vec![("fidelity-budget.csv".to_owned(), out)]
+}
+
+/// `fidelity-budget-SCENARIO.svg` of every scenario: what each cause adds to the error of the force, felt and on the
+/// hardware.
+///
+/// # Errors
+/// A plot that cannot be drawn.
+pub fn plots(all: &[Budget]) -> Result<Vec<NamedText>, PlotError> {
+    all.iter().map(|b| Ok((format!("fidelity-budget-{}.svg", b.scenario), plot(b)?))).collect()
+}
+
+fn plot(b: &Budget) -> Result<String, PlotError> {
+    let force: [(&str, Figure); 2] = [
+        ("felt", |r, w| r.felt(w).nrms_force),
+        ("hardware", |r, w| r.hardware(w).nrms_force),
+    ];
+    let bar = |x: f64, colour, height| Bar {
+        range: x.min(0.0)..x.max(0.0),
+        colour,
+        height,
+        label: String::new(),
+    };
+    let over = b.as_is.window();
+    let mut plot = Plot::new(format!("{}: error of the force, {}", b.scenario, window(over)))
+        .x_axis(Axis::new("NRMS of the force", "%").include(0.0).at_least(1.0))
+        .size(900.0, 30.0 * 2.0 * (b.shares.len() + 2) as f64)
+        .legend("whole", Colour::Ink)
+        .legend("taken away", Colour::Blue)
+        .legend("alone", Colour::Amber);
+    for (name, on) in [("as it is", &b.as_is), ("all causes removed", &b.without_all)] {
+        for (of, figure) in force {
+            let bars = figure(on, over).map(|x| bar(100.0 * x, Colour::Ink, 0.8));
+            plot = plot.lane(Lane {
+                name: format!("{name}, {of}"),
+                bars: bars.into_iter().collect(),
+            });
+        }
+    }
+    for share in &b.shares {
+        for (of, figure) in force {
+            let [removed, alone] = b.parts(share, figure);
+            let bars = [(alone, Colour::Amber, 0.8), (removed, Colour::Blue, 0.4)];
+            let bars = bars.into_iter().filter_map(|(x, c, h)| Some(bar(100.0 * x?, c, h)));
+            plot = plot.lane(Lane {
+                name: format!("{}, {of}", cause(share.cause)),
+                bars: bars.collect(),
+            });
+        }
+    }
+    plot.svg(Embed::Alone)
 }

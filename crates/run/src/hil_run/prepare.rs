@@ -230,6 +230,17 @@ impl<'a> HilRun<'a> {
     /// # Errors
     /// The rig's file lacks what an emulation needs.
     pub fn emulated(&self) -> Result<InProcess<EmulatedRig>, RunError> {
+        self.emulated_with(|rig| rig)
+    }
+
+    /// The same, changed before it runs.
+    ///
+    /// # Errors
+    /// As [`Self::emulated`].
+    pub fn emulated_with(
+        &self,
+        change: impl FnOnce(EmulatedRig) -> EmulatedRig,
+    ) -> Result<InProcess<EmulatedRig>, RunError> {
         let rest = clear(&self.rig, &self.system);
         EmulatedRig::new(
             &self.rig,
@@ -239,7 +250,7 @@ impl<'a> HilRun<'a> {
             self.system.clone(),
             &rest,
         )
-        .map(InProcess::new)
+        .map(|rig| InProcess::new(change(rig)))
         .map_err(|e| RunError::usage(e.to_string(), format!("mend {}", self.rig_path.display())))
     }
 
