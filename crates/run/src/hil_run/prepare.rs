@@ -175,7 +175,7 @@ impl<'a> HilRun<'a> {
         options: HilOptions,
         change: impl FnOnce(&mut RigModel),
     ) -> Result<Self, RunError> {
-        let rig_path = rig_path(&options, scenario)?;
+        let rig_path = rig_path(options.model.as_deref(), scenario)?;
         let mut rig = load_rig_from(&scenario.sources, &rig_path)?.model;
         change(&mut rig);
         if rig.sensors.is_none() {
@@ -187,12 +187,7 @@ impl<'a> HilRun<'a> {
         let hil = &scenario.hil;
         let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
         let (system, bodies) = start(scenario)?;
-        if let Some(what) = sag_refusal(&rig, system.mechanism()) {
-            return Err(RunError::usage(
-                format!("{what}: {}", rig_path.with_extension("toml").display()),
-                SAG_REMEDY,
-            ));
-        }
+        refuse_sag(&rig, &system, &rig_path)?;
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);
@@ -402,8 +397,16 @@ fn period_s(scenario: &Scenario) -> Result<f64, RunError> {
     ))
 }
 
-fn rig_path(options: &HilOptions, scenario: &Scenario) -> Result<PathBuf, RunError> {
-    if let Some(path) = &options.model {
+/// A mechanism that would sag out of its travel stands on no rig.
+pub(crate) fn refuse_sag(rig: &RigModel, system: &System, path: &Path) -> Result<(), RunError> {
+    let Some(what) = sag_refusal(rig, system.mechanism()) else { return Ok(()) };
+    let what = format!("{what}: {}", path.with_extension("toml").display());
+    Err(RunError::usage(what, SAG_REMEDY))
+}
+
+/// The URDF of the rig: the one named, the scenario's, or the default one.
+pub(crate) fn rig_path(named: Option<&Path>, scenario: &Scenario) -> Result<PathBuf, RunError> {
+    if let Some(path) = named {
         return Ok(path.with_extension("urdf"));
     }
     let named = scenario.hil.rig.as_deref().unwrap_or(DEFAULT_RIG);
