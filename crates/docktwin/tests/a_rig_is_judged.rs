@@ -44,7 +44,8 @@ fn without_balance(text: &str) -> String {
 /// A fast docking for 2.5 s, which hold capture and a second after it.
 fn fast(dir: &Path, name: &str, model: Option<&str>, more: &[&str]) -> (Option<i32>, Value) {
     let out = dir.join(name).to_string_lossy().into_owned();
-    let mut args = vec!["hil", "scenarios/apas_fast.toml", "--rig", "emulated", "--json", "--no-rrd"];
+    let mut args =
+        vec!["hil", "scenarios/apas_fast.toml", "--rig", "emulated", "--json", "--no-rrd"];
     args.extend(["--set", "run.duration_s=2.5", "--out", &out]);
     args.extend(model.iter().flat_map(|m| ["--model", *m]));
     args.extend(more);

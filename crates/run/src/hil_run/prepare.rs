@@ -18,7 +18,11 @@ use docktwin_hil::{
     scheduler::{Approach, Check, LoopSetup, RigParameters, TickRecord},
 };
 use docktwin_model::{HydraulicPreset, Rig as RigModel, SAG_REMEDY, load_rig_from, sag_refusal};
-use docktwin_physics::{body::BodyState, mechanism::System, programme::Programme};
+use docktwin_physics::{
+    body::BodyState,
+    mechanism::{CHASER, RING, System},
+    programme::Programme,
+};
 use docktwin_rigport::in_process::InProcess;
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
 
@@ -432,8 +436,10 @@ fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> 
             for (b, m) in back.iter_mut().zip(system.mass()) {
                 b.drift(m, -0.5 * time * f64::from(i) / 50.0);
             }
-            system.follow(&mut back);
-            !system.touches(&system.poses(&back.map(|b| b.pose())))
+            // A chaser that turns carries its ring.
+            let mut at = back.map(|b| b.pose());
+            at[RING] = at[CHASER] * system.ring_at_rest();
+            !system.touches(&system.poses(&at))
         })
     };
     while time > shortest && !free(time) {
