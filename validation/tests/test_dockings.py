@@ -76,16 +76,18 @@ def test_oracle_latches_in_the_axes_of_the_passive_ring(binary, models, tmp_path
     text = file.read_text()
     assert text.count("\n[latches]\n") == 1
     file.write_text(text.replace("\n[latches]\n", '\n[latches]\naxes = "passive"\n'))
-    overrides = ["run.duration_s=4.0", f'mechanism.active="{file.with_suffix(".urdf")}"']
-    f = compare(binary, "apas_fast", "", tmp_path / "run", step_s=5e-4, overrides=overrides)
-    a, b = f.summary, f.mujoco
-    default = compare(binary, "apas_fast", "", tmp_path / "default", step_s=5e-4,
-                      overrides=["run.duration_s=4.0"])
+    duration = "run.duration_s=1.2"
+    overrides = [duration, f'mechanism.active="{file.with_suffix(".urdf")}"']
+    step_s = 2e-4
+    f = compare(binary, "apas_fast", "", tmp_path / "run", step_s, overrides)
+    default = compare(binary, "apas_fast", "", tmp_path / "default", step_s, [duration])
+    # By how much the other axes move each latch, on either side.
+    ours = np.subtract(f.summary["latches_s"], default.summary["latches_s"])
+    theirs = np.subtract(*([t[2] for t in x.mujoco.latches_s] for x in (f, default)))
     figure(
-        f"latches {a['latches_s']} and {[t[2] for t in b.latches_s]} s, with the default "
-        f"{default.summary['latches_s']} s; peak off by {100 * f.peak:.3f} %"
+        f"the other axes move the latches by {1e3 * ours} ms, MuJoCo's by {1e3 * theirs} ms; "
+        f"peak off by {100 * f.peak:.3f} %"
     )
-    assert b.outcome == a["outcome"] and b.latch_order == f.latches and f.peak <= PEAK
-    moved = [abs(x - y) for x, y in zip(a["latches_s"], default.summary["latches_s"])]
-    off = [abs(x - t[2]) for x, t in zip(a["latches_s"], b.latches_s)]
-    assert max(moved) > 5 * max(off), (moved, off)
+    assert f.mujoco.outcome == f.summary["outcome"] and f.mujoco.latch_order == f.latches
+    assert f.peak <= PEAK
+    assert np.abs(ours).max() > 1.5e-3 and np.abs(ours - theirs).max() <= 2 * step_s

@@ -41,7 +41,7 @@ const DOCKED_M: f64 = 0.05;
 /// along the axes of the one ring or of the other.
 #[test]
 fn oracle_gaps_are_those_in_the_axes_named() {
-    let (yaw, apart) = (0.03_f64, DVec3::new(DOCKED_M + 0.02, 0.004, -0.006));
+    let (yaw, apart) = (0.03_f64, DVec3::new(DOCKED_M + 0.02, 0.01, -0.006));
     let (s, c) = yaw.sin_cos();
     // Striker 0 is 0.6 m out on Y of the passive ring and on its face, 0.025 m toward the chaser.
     let striker = apart + DVec3::new(-0.025 * c - 0.6 * s, -0.025 * s + 0.6 * c, 0.0);
@@ -66,8 +66,7 @@ fn oracle_the_pull_is_the_gradient_of_its_energy() {
         let system = system(axes);
         let mut state = MechanismState::default();
         state.latches[0].phase = LatchPhase::Latched;
-        let (p, turn) =
-            (DVec3::new(DOCKED_M + 0.012, 0.006, -0.004), DVec3::new(0.02, -0.03, 0.05));
+        let (p, turn) = (DVec3::new(DOCKED_M + 0.06, 0.006, -0.004), DVec3::new(0.02, -0.03, 0.05));
         let energy = |p: DVec3, turn: DQuat| {
             let at = bodies(&system, p, turn.to_scaled_axis());
             system.stored_energy(&system.measure(&state, &at), &state)

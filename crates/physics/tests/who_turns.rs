@@ -105,14 +105,15 @@ fn invariant_the_start_leads_to_the_plane_of_contact() {
     assert!(off.length() < 1e-9 && (got.2 - want.2).length() < 1e-9, "{off} {} {}", got.2, want.2);
 }
 
-/// What a docking comes to: time of first contact, peak force, impulse, rates of chaser and target.
+/// What a docking comes to: first contact later than foreseen, peak force, impulse, rates of chaser and target.
 fn run(system: &System, c: &ContactConditions) -> (f64, f64, f64, [f64; 2]) {
-    let mut state = DockingState::new(initial_state(system, c, 0.01).bodies);
+    let start = initial_state(system, c, 0.01);
+    let mut state = DockingState::new(start.bodies);
     for _ in 0..6000 {
         system.step(&mut state, &Inputs::default(), H);
     }
     let rate = |i: usize| state.bodies[i].twist(&system.mass()[i]).w.length();
-    let first = state.first_contact_s.expect("they meet");
+    let first = state.first_contact_s.expect("they meet") - start.time_to_contact_s;
     (first, state.peak_force_n, state.impulse_ns, [rate(CHASER), rate(TARGET)])
 }
 
@@ -153,8 +154,10 @@ fn oracle_a_turning_chaser_is_a_turning_target_seen_from_the_other_side() {
     let (a, b) = (run(&system, &here), run(&system, &there));
     let near = |x: f64, y: f64, tol: f64| (x - y).abs() < tol * x.abs();
     assert!(a.1 > 100.0, "{a:?}");
-    assert!(near(a.0, b.0, 1e-6) && near(a.1, b.1, 1e-4) && near(a.2, b.2, 1e-4), "{a:?} {b:?}");
-    assert!(near(a.3[0], b.3[1], 1e-4) && near(a.3[1], b.3[0], 1e-4), "{a:?} {b:?}");
+    // Contact falls between two steps of 0.1 ms, here and there at another part of one.
+    assert!(a.0.abs() < 1e-3 && b.0.abs() < 1e-3, "{a:?} {b:?}");
+    assert!(near(a.1, b.1, 5e-4) && near(a.2, b.2, 1e-4), "{a:?} {b:?}");
+    assert!(near(a.3[0], b.3[1], 3e-4) && near(a.3[1], b.3[0], 3e-4), "{a:?} {b:?}");
     // The same relative motion with the other body turning is another docking.
     let other = run(&system, &ContactConditions { turning: Turning::Target, ..there });
     assert!(!near(other.1, a.1, 1e-3) || !near(other.3[0], a.3[1], 1e-2), "{a:?} {other:?}");
