@@ -403,7 +403,7 @@ const BAD: &[(&str, &str, &str)] = &[
     ("[expect]", "[expected]", "expect.outcome: is missing"),
     ("of = \"hardware\"", "of = \"sensed\"", "felt | hardware"),
     ("window = \"to_capture\"", "", "expect.fidelity.0.window: is missing"),
-    ("nrms_force_below = 0.06", "nrms_below = 0.06", "did you mean `nrms_"),
+    ("nrms_force_below = 0.06", "nrms_force_belw = 0.06", "did you mean `nrms_force_below`?"),
     ("nrms_force_below = 0.06", "nrms_force_below = 0", "> 0 and ≤ 100"),
     ("peak_force_ratio_above = 0.98", "peak_force_ratio_above = 1.1", "leaves nothing"),
     (
@@ -414,7 +414,7 @@ const BAD: &[(&str, &str, &str)] = &[
     (
         "hil_outcome = \"stopped\"",
         "hil_outcome = \"rebounded\"",
-        "expect.hil.capture_after_s = 0.2: bounds a capture",
+        "expect.hil.capture_after_s = 0.2 s: bounds a capture",
     ),
     (
         "[[expect.fidelity]]",
