@@ -153,6 +153,7 @@ fn oracle_attenuation_lasts_tenths_seconds_and_tens_of_seconds() {
                 lateral_m: DVec3::ZERO,
                 velocity_m_s: velocity,
                 rate_rad_s: rate,
+                ..ContactConditions::default()
             };
             let start = initial_state(&system, &conditions, 1e-4);
             let mut twin = ReducedTwin::new(system, start.bodies, 2e-4);

@@ -3,6 +3,8 @@ and integrated by MuJoCo, against docktwin. The law is held equal; nothing else 
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -53,3 +55,39 @@ def test_oracle_drawn_approach(binary, figure, tmp_path, monkeypatch, box, numbe
     assert not drawn.disagrees(r)
     assert a["latches"] == b["latches"]
     assert b["peak_n"] == pytest.approx(a["peak_n"], rel=PEAK)
+
+
+@pytest.mark.parametrize("turning", ["chaser", "both"])
+def test_oracle_either_body_may_turn(binary, tmp_path, figure, turning):
+    """The other body turns before contact; MuJoCo starts from the recorded state, of which it is true."""
+    overrides = ["run.duration_s=4.0", f'initial.turning="{turning}"', "initial.yaw_rate_deg_s=1.0"]
+    f = compare(binary, "apas_fast", "", tmp_path / "run", step_s=5e-4, overrides=overrides)
+    figure(f"peak off by {100 * f.peak:.3f} %, pose until the {f.until} {1e3 * f.pose_m:.4f} mm")
+    assert f.mujoco.outcome == f.summary["outcome"] and f.mujoco.latch_order == f.latches
+    assert f.pose_m <= POSE_M and f.angle_rad <= ANGLE_RAD and f.peak <= PEAK
+
+
+def test_oracle_latches_in_the_axes_of_the_passive_ring(binary, models, tmp_path, figure):
+    """Gaps and pull in the axes of the other ring, written a second time. With those of the default it is
+    another docking."""
+    for part in ("models", "meshes"):
+        shutil.copytree(models.parents[1] / part, tmp_path / part)
+    file = tmp_path / "models" / "urdf" / "apas_active.toml"
+    text = file.read_text()
+    assert text.count("\n[latches]\n") == 1
+    file.write_text(text.replace("\n[latches]\n", '\n[latches]\naxes = "passive"\n'))
+    duration = "run.duration_s=1.2"
+    overrides = [duration, f'mechanism.active="{file.with_suffix(".urdf")}"']
+    step_s = 2e-4
+    f = compare(binary, "apas_fast", "", tmp_path / "run", step_s, overrides)
+    default = compare(binary, "apas_fast", "", tmp_path / "default", step_s, [duration])
+    # By how much the other axes move each latch, on either side.
+    ours = np.subtract(f.summary["latches_s"], default.summary["latches_s"])
+    theirs = np.subtract(*([t[2] for t in x.mujoco.latches_s] for x in (f, default)))
+    figure(
+        f"the other axes move the latches by {1e3 * ours} ms, MuJoCo's by {1e3 * theirs} ms; "
+        f"peak off by {100 * f.peak:.3f} %"
+    )
+    assert f.mujoco.outcome == f.summary["outcome"] and f.mujoco.latch_order == f.latches
+    assert f.peak <= PEAK
+    assert np.abs(ours).max() > 1.5e-3 and np.abs(ours - theirs).max() <= 2 * step_s

@@ -104,6 +104,7 @@ impl Stage {
             lateral_m: DVec3::new(0.0, 0.02, -0.01),
             velocity_m_s: DVec3::new(-0.2, 0.01, 0.0),
             rate_rad_s: DVec3::new(0.0, 0.002, 0.0),
+            ..ContactConditions::default()
         };
         let bodies =
             Programme::new(&system, &initial_state(&system, &conditions, 0.05).bodies, TICK_S);

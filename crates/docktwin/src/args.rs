@@ -1,10 +1,12 @@
 //! Arguments that several commands have, and how they are read.
 
+use std::path::PathBuf;
+
 use clap::{Args, ValueEnum};
 use docktwin_model::HydraulicPreset;
 use docktwin_physics::bench::Axis;
 use docktwin_run::{
-    TwinKind,
+    HilOptions, TwinKind,
     rig_place::{ClockKind, RealtimeOptions},
 };
 use docktwin_scenario::CompensatorChoice;
@@ -22,6 +24,43 @@ pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if (0.0..=1e9).contains(&x) => Ok(x),
         _ => Err("a number, not negative, is wanted".to_owned()),
+    }
+}
+
+/// How a scenario meets a rig: what `hil` and `validate fidelity` share.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct OnRigArgs {
+    /// Against the delay of the rig [default: as the scenario says, or lead]
+    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES)]
+    pub(crate) compensator: Option<CompensatorChoice>,
+    /// Lead, ms [default: as the scenario says, or the delay that is believed]
+    #[arg(long, value_name = "MS", value_parser = not_negative)]
+    pub(crate) lead_ms: Option<f64>,
+    /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
+    #[arg(long, value_name = "RIG.toml")]
+    pub(crate) model: Option<PathBuf>,
+    /// Override a key of the scenario, repeatable
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Seed of the emulated rig's noise
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Draw the emulated rig within the spread of its file; the loop still believes the file
+    #[arg(long, value_name = "SEED")]
+    pub(crate) perturb: Option<u64>,
+}
+
+impl OnRigArgs {
+    /// The options of a run that they give.
+    pub(crate) fn options(&self) -> HilOptions {
+        HilOptions {
+            compensator: self.compensator,
+            lead_s: self.lead_ms.map(|ms| ms * 1e-3),
+            model: self.model.clone(),
+            seed: self.seed,
+            perturb: self.perturb,
+            ..HilOptions::default()
+        }
     }
 }
 

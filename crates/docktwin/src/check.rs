@@ -11,7 +11,11 @@ use docktwin_model::{
     keys::{self, FileKind},
 };
 use docktwin_physics::contact::Scene;
-use docktwin_scenario::{explained, load_scenario};
+use docktwin_run::{
+    RunError,
+    inspection::{OnItsRig, on_its_rig, weighed},
+};
+use docktwin_scenario::{Scenario, explained, load_scenario};
 
 use crate::{
     failure::{BAD_INPUT, Failure, problem_json},
@@ -204,17 +208,66 @@ fn explain_model(
 
 fn check_scenario(file: &Path, set: &[String], json: bool) -> Result<ExitCode, Failure> {
     let scenario = load_scenario(file, &overrides(set)?)?;
+    let craft = weighed(&scenario);
+    let rig = on_its_rig(&scenario);
     if json {
         let notes: Vec<String> = scenario.notes.iter().map(|n| n.to_string()).collect();
-        println!("{}", serde_json::json!({ "scenario": scenario.name, "notes": notes }));
+        println!(
+            "{}",
+            serde_json::json!({
+                "scenario": scenario.name, "notes": notes, "spacecraft": craft,
+                "rig": rig_json(&rig),
+            })
+        );
     } else {
         scenario.notes.iter().for_each(|n| println!("{} {n}", n.word()));
+        craft.iter().for_each(|c| println!("read    {}", c.line()));
+        rig_lines(&scenario, &rig).iter().for_each(|l| println!("{l}"));
         println!(
             "{}: nothing to mend; expects `{}`, {}",
             scenario.name, scenario.expect.outcome, scenario.expect.because
         );
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// How the mechanism stands on the rig, or why `hil` would not take it there. A default rig that is not found
+/// was never asked about.
+fn rig_lines(scenario: &Scenario, rig: &Result<OnItsRig, RunError>) -> Vec<String> {
+    match rig {
+        Ok(on) => {
+            let name = on.rig.with_extension("toml");
+            let mut lines: Vec<String> = on
+                .sags
+                .iter()
+                .map(|s| format!("read    on {}: {}", name.display(), s.line()))
+                .collect();
+            lines.extend(sag_flag(on));
+            lines
+        }
+        Err(why) if scenario.hil.rig.is_some() => {
+            vec![format!("flagged `hil` refuses its rig: {why}")]
+        }
+        Err(_) => Vec::new(),
+    }
+}
+
+/// That `hil` refuses the mechanism on its rig, if it does.
+pub(crate) fn sag_flag(on: &OnItsRig) -> Option<String> {
+    let why = on.refused.as_ref()?;
+    let name = on.rig.with_extension("toml");
+    Some(format!("flagged `hil` refuses it on {}: {why}; {}", name.display(), OnItsRig::remedy()))
+}
+
+fn rig_json(rig: &Result<OnItsRig, RunError>) -> serde_json::Value {
+    match rig {
+        Ok(on) => serde_json::json!({
+            "file": on.rig.with_extension("toml").to_string_lossy(),
+            "sag": on.sags.iter().map(docktwin_model::Sag::line).collect::<Vec<_>>(),
+            "refused": on.refused,
+        }),
+        Err(why) => serde_json::json!({ "refused": why.to_string() }),
+    }
 }
 
 fn explain_scenario(key: Option<&str>, json: bool) -> Result<ExitCode, Failure> {

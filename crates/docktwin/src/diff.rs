@@ -106,6 +106,22 @@ fn cuts(args: &DiffArgs, a: &RunReader, b: &RunReader) -> Vec<String> {
     of(a, &args.run_a).into_iter().chain(of(b, &args.run_b)).collect()
 }
 
+/// What it means that the summaries are of different versions of the schema, if they are.
+fn schemas(a: &RunReader, b: &RunReader) -> Result<Option<String>, Failure> {
+    let [x, y] = [own_summary(a)?, own_summary(b)?];
+    let versions = x.zip(y).map(|(x, y)| (x.schema_version, y.schema_version));
+    Ok(versions.filter(|(x, y)| x != y).map(|(x, y)| {
+        let before_2 = if x.min(y) < 2 {
+            ": before version 2 peak_moment_nm was about another point, and with a rig \
+             peak_penetration_m and impulse_ns went on after capture, forces below 5 N counted in the impulse, \
+             and fidelity was laid over at the nearest tick, of the measured pose"
+        } else {
+            ""
+        };
+        format!("summaries of schema versions {x} and {y} do not mean the same by every key{before_2}")
+    }))
+}
+
 /// Whether both are what was recorded, as far as they go: one that is damaged, edited, or beside the summary
 /// of another run is the same as nothing.
 fn as_recorded(a: &RunReader, b: &RunReader) -> bool {
@@ -166,6 +182,7 @@ fn exact(
         _ => None,
     };
     let (cuts, apart) = (cuts(args, a, b), told_apart(a, b));
+    let schemas = schemas(a, b)?;
     let same = found.is_none() && as_recorded(a, b);
     let ticks = [&*a, b].map(|r| r.last_tick().map_or(0, |(t, _)| t.0 + 1));
     let compared = ticks[0].min(ticks[1]);
@@ -194,13 +211,14 @@ fn exact(
             json!({
                 "mode": "exact", "same": same, "first_difference": first,
                 "first_visible": visible,
-                "metadata": apart, "cut": cuts,
+                "metadata": apart, "cut": cuts, "schemas": schemas,
             })
         );
         return Ok(same);
     }
     cuts.iter().for_each(|c| eprintln!("{c}"));
     apart.iter().for_each(|m| eprintln!("metadata differ: {m}"));
+    schemas.iter().for_each(|s| eprintln!("{s}"));
     match &found {
         None if !same => println!(
             "every bit is the same up to tick {}, but not both are what was recorded",
@@ -266,6 +284,7 @@ fn tolerant(
         && agree("latch order")
         && as_recorded(a, b);
     let (cuts, apart) = (cuts(args, a, b), told_apart(a, b));
+    let schemas = schemas(a, b)?;
     if json {
         let side_by_side: BTreeMap<&str, Value> =
             stories.iter().map(|(k, x, y)| (*k, json!({ "a": x, "b": y }))).collect();
@@ -277,11 +296,13 @@ fn tolerant(
         out["side_by_side"] = json!(side_by_side);
         out["metadata"] = json!(apart);
         out["cut"] = json!(cuts);
+        out["schemas"] = json!(schemas);
         println!("{out}");
         return Ok(same);
     }
     cuts.iter().for_each(|c| eprintln!("{c}"));
     apart.iter().for_each(|m| eprintln!("metadata differ: {m}"));
+    schemas.iter().for_each(|s| eprintln!("{s}"));
     print(args, &found, &stories, options.align);
     println!("{}", if same { "the same within tolerance" } else { "they differ" });
     Ok(same)

@@ -8,17 +8,17 @@ use std::{
 
 use clap::Args;
 use docktwin_playback::ViewerFile;
-use docktwin_record::{FidelityOf, Outcome, Summary, Verdict};
+use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_rigport::rig::Rig;
 use docktwin_run::{
     Control as _, HilOptions, HilRun, RunDirectory, RunError, Sink,
     rig_place::{ClockKind, RigPlace, connect},
     telemetry::hil_columns,
 };
-use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
+use docktwin_scenario::{ExpectedOutcome, Scenario, load_scenario};
 
 use crate::{
-    args::{LedArgs, compensator, not_negative},
+    args::{LedArgs, OnRigArgs},
     company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE, STOPPED},
     inputs::overrides,
@@ -41,7 +41,9 @@ recorded begins there. A limit passed anywhere stops the rig (exit code 3, unles
 expects it). --dry-run goes there and back, slowly, without closing the loop.
 
 The run directory is that of `rehearse`, with columns of loop, legs and sensors beside it, and
-`loop`, `fidelity` (against the same docking without a rig) and `safety` in summary.json.
+`loop`, `fidelity` (against the same docking without a rig) and `safety` in summary.json. The
+verdict is that of the scenario's `expect`: how the run ends, [expect.hil] and [[expect.fidelity]].
+Where it bounds neither force nor energy, a run that is far off is warned of.
 
 Examples:
   docktwin hil scenarios/apas_nominal.toml --rig emulated
@@ -62,15 +64,8 @@ pub(crate) struct HilArgs {
     rig: RigPlace,
     #[command(flatten)]
     led: LedArgs,
-    /// Against the delay of the rig [default: as the scenario says, or lead]
-    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES)]
-    compensator: Option<CompensatorChoice>,
-    /// Lead, ms [default: as the scenario says, or the delay that is believed]
-    #[arg(long, value_name = "MS", value_parser = not_negative)]
-    lead_ms: Option<f64>,
-    /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
-    #[arg(long, value_name = "RIG.toml")]
-    model: Option<PathBuf>,
+    #[command(flatten)]
+    on_rig: OnRigArgs,
     /// File of `rig identify`: null bias and flow gain are corrected, delay and lead are its own
     #[arg(long, value_name = "FILE")]
     identification: Option<PathBuf>,
@@ -80,15 +75,6 @@ pub(crate) struct HilArgs {
     /// Run directory; by default a new one under `runs`.
     #[arg(long, value_name = "DIR", help = "Run directory [default: runs/<scenario>-<utc>]")]
     out: Option<PathBuf>,
-    /// Override a key of the scenario, repeatable
-    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
-    set: Vec<String>,
-    /// Seed of the emulated rig's noise
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Draw the emulated rig within the spread of its file; the loop still believes the file
-    #[arg(long, value_name = "SEED")]
-    perturb: Option<u64>,
     /// Do not write run.rrd
     #[arg(long)]
     no_rrd: bool,
@@ -103,7 +89,7 @@ pub(crate) struct HilArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
-    let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
+    let scenario = load_scenario(&args.scenario, &overrides(&args.on_rig.set)?)?;
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
@@ -123,11 +109,12 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
         println!("{what} with: docktwin {word} {}", out.display());
     }
     let tripped = summary.safety.as_ref().is_some_and(|s| !s.trips.is_empty());
+    let expected = scenario.expect.outcome_of_hil() == ExpectedOutcome::Stopped && !args.dry_run;
     let interrupted = at.interrupt.get().is_some_and(|i| i.stopped().is_some()) && !tripped;
     Ok(ExitCode::from(match (summary.verdict, summary.outcome) {
         (Verdict::Pass, _) => 0,
-        // A signal is no stop of the supervisor.
-        (_, Outcome::Stopped) if !interrupted => STOPPED,
+        // A signal is no stop of the supervisor, and an expected stop may still break a bound.
+        (_, Outcome::Stopped) if !interrupted && !expected => STOPPED,
         _ => OTHERWISE,
     }))
 }
@@ -198,20 +185,16 @@ impl HilArgs {
         HilOptions {
             place: self.rig.clone(),
             clock: self.led.clock.kind(),
-            compensator: self.compensator,
-            lead_s: self.lead_ms.map(|ms| ms * 1e-3),
-            model: self.model.clone(),
             identification: self.identification.clone(),
             calibration: self.calibration.clone(),
-            seed: self.seed,
-            perturb: self.perturb,
             dry_run: self.dry_run,
+            ..self.on_rig.options()
         }
     }
 }
 
 fn tell(s: &Summary, scenario: &Scenario, out: &Path) {
-    print(s, &scenario.expect.of_hil(), out);
+    print(s, scenario.expect.outcome_of_hil(), out);
     if let Some(f) = &s.fidelity {
         let word = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{x:.4}"));
         println!(
@@ -224,10 +207,13 @@ fn tell(s: &Summary, scenario: &Scenario, out: &Path) {
             word(f.delta_energy)
         );
         for (name, of) in [("felt", f.felt), ("hardware", f.hardware)] {
-            for (window, x) in of.iter().flat_map(FidelityOf::windows) {
-                if x.window_s.is_some() {
+            if let Some(of) = &of {
+                for (window, x) in of.windows() {
+                    let Some(window_s) = x.window_s else { continue };
+                    let small = of.small_forces(&x).map_or("", |_| " (of small forces)");
                     println!(
-                        "  {name:<14} {window}: peak {}, NRMS force {}, moment {}, pose {}, impulse {}",
+                        "  {name:<14} {window}, {window_s:.3} s: peak {}, NRMS force {}, moment {}, pose {}, \
+                         impulse {}{small}",
                         word(x.peak_force_ratio),
                         word(x.nrms_force),
                         word(x.nrms_moment),

@@ -8,11 +8,14 @@ use std::{
 use clap::Args;
 use docktwin_playback::ViewerFile;
 use docktwin_record::{Summary, Verdict};
-use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, signals::columns};
-use docktwin_scenario::{Expect, load_scenario};
+use docktwin_run::{
+    Rehearsal, RehearsalOptions, RunDirectory, inspection::on_its_rig, signals::columns,
+};
+use docktwin_scenario::{ExpectedOutcome, load_scenario};
 
 use crate::{
     args::TwinArg,
+    check::sag_flag,
     company::{LiveArgs, PilotArgs, tell_live},
     failure::{Failure, OTHERWISE},
     inputs::overrides,
@@ -69,6 +72,9 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     let scenario = load_scenario(&args.scenario, &overrides(&args.set)?)?;
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
+        // Nothing has weight here; whoever names a rig means to go there next.
+        let on_rig = scenario.hil.rig.is_some().then(|| on_its_rig(&scenario).ok()).flatten();
+        on_rig.as_ref().and_then(sag_flag).iter().for_each(|l| eprintln!("{l}"));
     }
     let options = RehearsalOptions { twin: args.twin.kind(), seed: args.seed };
     let rehearsal = Rehearsal::with(&scenario, options)?;
@@ -89,7 +95,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
         println!("{}", serde_json::to_value(&summary).unwrap_or_default());
     } else {
         live.iter().for_each(tell_live);
-        print(&summary, &scenario.expect, &out);
+        print(&summary, scenario.expect.outcome, &out);
         println!("Replay it with: docktwin replay {}", out.display());
     }
     Ok(ExitCode::from(if summary.verdict == Verdict::Pass { 0 } else { OTHERWISE }))
@@ -104,13 +110,17 @@ pub(crate) fn tell_losses(summary: &Summary, json: bool) {
     }
 }
 
-pub(crate) fn print(s: &Summary, expect: &Expect, out: &Path) {
+pub(crate) fn print(s: &Summary, expected: ExpectedOutcome, out: &Path) {
     let seconds = |t: Option<f64>| t.map_or("–".to_owned(), |t| format!("{t:.3} s"));
     println!("{}: {} ({})", s.scenario, s.outcome, s.verdict);
     if let Some(reason) = &s.failure_reason {
         println!("  because        {reason}");
     }
-    println!("  expected       {}", expect.outcome);
+    println!("  expected       {expected}");
+    s.warnings.iter().for_each(|w| println!("  warning        {w}"));
+    if !s.not_judged.is_empty() {
+        println!("  not judged     {}", s.not_judged.join(", "));
+    }
     println!("  first contact  {}", seconds(s.first_contact_s));
     println!("  capture        {}", seconds(s.capture_s));
     let latches: Vec<String> = s.latches_s.iter().map(|t| seconds(*t)).collect();

@@ -136,3 +136,17 @@ fn invariant_a_flipped_digest_is_named_with_its_tick() {
     let (said, code) = docktwin(&["replay"], &run);
     assert_eq!(code, Some(0), "all bits are back: {said}");
 }
+
+/// A summary of the first version beside one of today's: what its keys mean differs, and that is said.
+#[test]
+fn regress_summaries_of_two_versions_are_told_apart() {
+    let at = tempfile::tempdir().expect("a folder");
+    let new = at.path().join("new");
+    rehearse("apas_fast", "reduced", &["--set", "run.duration_s=0.1"], &new);
+    let old = "crates/record/tests/recordings/schema-1/docking";
+    let (said, _) = docktwin(&["diff", old, "--tolerance", "1.0"], &new);
+    let told = said["schemas"].as_str().unwrap_or_default();
+    assert!(told.contains("schema versions 1 and 2") && told.contains("peak_moment_nm"), "{said}");
+    let (same, _) = docktwin(&["diff", old, "--tolerance", "1.0"], &root().join(old));
+    assert!(same["schemas"].is_null(), "{same}");
+}

@@ -185,6 +185,7 @@ fn oracle_both_schemes_with_the_docking_mechanism() {
         lateral_m: DVec3::new(0.0, 0.02, -0.01),
         velocity_m_s: DVec3::new(-0.08, 0.0, 0.005),
         rate_rad_s: DVec3::ZERO,
+        ..ContactConditions::default()
     };
     let bodies = initial_state(&system, &conditions, 0.02).bodies;
     let mut k = known(1);

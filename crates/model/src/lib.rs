@@ -54,9 +54,9 @@ pub use load_rig::{load_rig, load_rig_from};
 pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};
 pub use mechanism::{
     AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
-    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw,
-    OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
-    Stick,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchAxes, LatchSet, MechanismLimits,
+    NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake,
+    SideGeometry, Stick,
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{

@@ -10,9 +10,9 @@ use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::urdf::{self, UrdfTree};
 use crate::{
     AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
-    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, NormalLaw,
-    OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
-    Stick,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchAxes, LatchSet, MechanismLimits,
+    NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake,
+    SideGeometry, Stick,
 };
 
 /// Reads both sides of a docking mechanism, each a URDF with a TOML of the same name beside it.
@@ -579,6 +579,7 @@ fn is_singular(mut a: [[f64; 6]; 6]) -> bool {
 fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {
     let set = LatchSet {
         azimuths_rad: t.list::<3>("azimuths_deg").map(f64::to_radians),
+        axes: t.optional_choice("axes", &LatchAxes::WORDS).unwrap_or_default(),
         approach_gap_m: t.number("approach_gap_m"),
         strike_gap_m: t.number("strike_gap_m"),
         catch_gap_m: t.number("catch_gap_m"),

@@ -308,16 +308,6 @@ impl Assembly<'_> {
         });
     }
 
-    fn refuse_toml(&mut self, key: &str, what: String, remedy: &str) {
-        self.out.problems.push(Problem {
-            file: self.toml_path.into(),
-            key: key.into(),
-            what,
-            remedy: remedy.into(),
-            ..Problem::default()
-        });
-    }
-
     /// Pose of a link in the ground with the plate in the middle.
     fn pose(&self, link: &str) -> Pose {
         self.tree.links.get(link).copied().unwrap_or_default()
@@ -415,7 +405,8 @@ impl Assembly<'_> {
         }
         let rods: BTreeSet<_> = said.closures.iter().map(|c| c.rod.as_str()).collect();
         if rods.len() < said.closures.len() {
-            self.refuse_toml(
+            self.out.refuse(
+                self.toml_path,
                 "closures",
                 "name one rod twice".into(),
                 "close every loop once, each with a rod of its own",
@@ -476,7 +467,8 @@ impl Assembly<'_> {
         let off = (middle.p - said.docking.middle_m).length();
         let turned = middle.q.angle_between(DQuat::IDENTITY);
         if off > CLOSURE_M || turned > CLOSURE_M {
-            self.refuse_toml(
+            self.out.refuse(
+                self.toml_path,
                 "docking_workspace.middle_p_34_m",
                 format!(
                     "differs from the tree with its joints at zero, where p_34 is [{:.6}, {:.6}, \
@@ -655,7 +647,8 @@ impl Assembly<'_> {
         let on_plate = x_bp.transform_point(closure.plate_point_m);
         let miss = (tip - on_plate).length();
         if miss > CLOSURE_M {
-            self.refuse_toml(
+            self.out.refuse(
+                self.toml_path,
                 &format!("closures.{i}"),
                 format!(
                     "does not close: in the middle the rod's point [{:.6}, {:.6}, {:.6}] m and the \

@@ -294,12 +294,30 @@ pub struct DifferentialAttenuator {
     pub damping_ramp_s: f64,
 }
 
+/// In whose axes the gaps of a latch are measured, and along whose X it pulls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LatchAxes {
+    /// Of the active ring, `r3`.
+    #[default]
+    Active,
+    /// Of the passive ring, turned so that they are those of `r3` when docked.
+    Passive,
+}
+
+impl LatchAxes {
+    /// Words by which files name them.
+    pub const WORDS: [(&'static str, Self); 2] =
+        [("active", Self::Active), ("passive", Self::Passive)];
+}
+
 /// Capture latches on the active ring and their strikers on the passive ring, at the same points
 /// of the ring faces when docked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LatchSet {
     /// Azimuths on the active ring, in `r3`, rad.
     pub azimuths_rad: [f64; 3],
+    /// In whose axes gaps are measured, and along whose X a latch pulls.
+    pub axes: LatchAxes,
     /// A latch approaches (is logged) below this axial gap, m.
     pub approach_gap_m: f64,
     /// A latch is struck below this axial gap, inside the radial and tangential zone, m.

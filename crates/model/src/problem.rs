@@ -186,6 +186,17 @@ impl Findings {
         Self { sources: sources.clone(), ..Self::default() }
     }
 
+    /// Refuses a file for one of its keys.
+    pub(crate) fn refuse(&mut self, file: &Path, key: &str, what: String, remedy: &str) {
+        self.problems.push(Problem {
+            file: file.into(),
+            key: key.into(),
+            what,
+            remedy: remedy.into(),
+            ..Problem::default()
+        });
+    }
+
     /// Reads a text file; a failure becomes a problem and an empty text.
     pub(crate) fn read(&mut self, path: &Path, purpose: &str) -> Option<String> {
         let bytes = self.sources.read(path, input::MAX_TEXT_BYTES);

@@ -79,16 +79,6 @@ impl Finder<'_> {
         });
     }
 
-    fn refuse_toml(&mut self, key: &str, what: String, remedy: &str) {
-        self.out.problems.push(Problem {
-            file: self.toml_path.into(),
-            key: key.into(),
-            what,
-            remedy: remedy.into(),
-            ..Problem::default()
-        });
-    }
-
     fn flag(&mut self, what: String) {
         self.out.flags.push(Note { file: self.toml_path.into(), line: None, what, flagged: true });
     }
@@ -422,13 +412,15 @@ fn offload(rig: &Rig, f: &mut Finder<'_>) {
     let Some(o) = rig.offload else { return };
     let off = rig.axis_off_vertical_rad().to_degrees();
     if rig.gravity_m_s2.length() < 1e-6 {
-        f.refuse_toml(
+        f.out.refuse(
+            f.toml_path,
             "offload",
             "has nothing to carry: gravity.gravity_m_s2 is zero".into(),
             "remove [offload], or give gravity",
         );
     } else if off > OFF_VERTICAL_DEG {
-        f.refuse_toml(
+        f.out.refuse(
+            f.toml_path,
             "offload",
             format!(
                 "carries along a vertical docking axis only, and gravity lies {off:.1} deg off this one"
@@ -438,7 +430,8 @@ fn offload(rig: &Rig, f: &mut Finder<'_>) {
     }
     let hz = o.hanger_hz();
     if hz > FASTEST_HANGER_HZ {
-        f.refuse_toml(
+        f.out.refuse(
+            f.toml_path,
             "offload.stiffness_n_m",
             format!(
                 "lets {} kg swing on the hanger at {hz:.0} Hz, which an emulated rig cannot follow; at \

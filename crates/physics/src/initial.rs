@@ -3,7 +3,7 @@
 use docktwin_core::{DQuat, DVec3, Euler, Pose, Twist};
 
 use crate::{
-    body::BodyState,
+    body::{BodyState, MassProperties},
     mechanism::{CHASER, RING, System, TARGET},
 };
 
@@ -19,6 +19,33 @@ pub struct ContactConditions {
     pub velocity_m_s: DVec3,
     /// Rate of the target against the chaser, in `e4`, rad/s.
     pub rate_rad_s: DVec3,
+    /// Which of both turns at it.
+    pub turning: Turning,
+}
+
+/// Which body has the relative rate before contact. At the plane of first contact the motion of `e4` seen
+/// from `e3` is the same; free flight to it, and what follows, are not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Turning {
+    /// All of it is the target's; the chaser does not turn, and its ring rests in its attenuator.
+    #[default]
+    Target,
+    /// All of it is the chaser's and its ring's, opposite; the target does not turn.
+    Chaser,
+    /// Half of it is the target's, the other half, opposite, the chaser's and its ring's.
+    Both,
+}
+
+impl Turning {
+    /// Rates of chaser and target for that of the target against the chaser, in the same axes.
+    #[must_use]
+    pub fn rates(self, relative: DVec3) -> [DVec3; 2] {
+        match self {
+            Self::Target => [DVec3::ZERO, relative],
+            Self::Chaser => [-relative, DVec3::ZERO],
+            Self::Both => [relative * -0.5, relative * 0.5],
+        }
+    }
 }
 
 /// States of chaser, ring and target at the start, in a frame at the common mass centre, at rest
@@ -39,10 +66,13 @@ pub struct InitialState {
 /// Computes the state before first contact, in free flight back by `gap_m` along the closing
 /// motion.
 ///
-/// The chaser does not rotate before contact: all the relative rate is the target's, so that the
-/// ring rests in its attenuator. Where the lateral motion leads away from the first touch, so that
-/// the way back would lead through the surfaces, the plane of first contact is moved out until the
-/// way is free; the touch then follows a little later.
+/// Unless the conditions say otherwise the chaser does not rotate before contact: all the relative rate is
+/// the target's, so that the ring rests in its attenuator. A chaser that turns starts with its ring at its
+/// rest, moving with it, and then carries it by the attenuator.
+///
+/// Where the lateral motion leads away from the first touch, so that the way back would lead through the
+/// surfaces, the plane of first contact is moved out until the way is free; the touch then follows a little
+/// later.
 #[must_use]
 pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> InitialState {
     let (first, touches) = contact_plane(system, c.attitude.to_quat(), c.lateral_m);
@@ -90,36 +120,104 @@ fn taken_back(
         if system.rigid() { 0.0 } else { mass[RING].mass() },
         mass[TARGET].mass(),
     );
-    let w_t = q_34 * c.rate_rad_s;
-    let v_t = c.velocity_m_s - w_t.cross(ring_centre_t - x_wt.p);
+    let [w_c, w_t] = c.turning.rates(q_34 * c.rate_rad_s);
+    let mut apart = c.velocity_m_s - w_t.cross(ring_centre_t - x_wt.p);
+    let still = c.turning == Turning::Target;
+    if !still {
+        // The velocity is that seen from e3, which turns.
+        apart += w_c.cross(ring_centre_t - x_wc.p);
+    }
     // The common mass centre is at rest in the world.
-    let v_c = v_t * (-mt / (mc + mr + mt));
-    let v_t = v_t + v_c;
+    let mut v_c = apart * (-mt / (mc + mr + mt));
+    let arm = x_wr.p - x_wc.p;
+    if !still {
+        v_c -= w_c.cross(arm) * (mr / (mc + mr + mt));
+    }
+    let v_t = apart + v_c;
     let com = (x_wc.p * mc + x_wr.p * mr + x_wt.p * mt) / (mc + mr + mt);
 
     let body = |i: usize, pose: Pose, twist: Twist| {
         let moved = Pose::new(pose.p - com, pose.q);
         BodyState::new(&mass[i], moved, twist.v, pose.q.conjugate() * twist.w)
     };
-    let still = Twist { v: v_c, w: DVec3::ZERO };
-    let mut bodies = [
-        body(CHASER, x_wc, still),
-        body(RING, x_wr, still),
+    let v_r = if still { v_c } else { v_c + w_c.cross(arm) };
+    let bodies = [
+        body(CHASER, x_wc, Twist { v: v_c, w: w_c }),
+        body(RING, x_wr, Twist { v: v_r, w: w_c }),
         body(TARGET, x_wt, Twist { v: v_t, w: w_t }),
     ];
+    flown_back(system, bodies, time, still)
+}
+
+/// Free flight back over `time`, and whether the sides are apart all the way. `apart`: chaser and ring fly
+/// side by side, as they may where they do not turn; else as one body.
+fn flown_back(
+    system: &System,
+    mut bodies: [BodyState; 3],
+    time: f64,
+    apart: bool,
+) -> ([BodyState; 3], bool) {
+    let mass = system.mass();
+    let one = Carried::new(system);
+    let mut carrier = one.state(&bodies[CHASER], &mass[CHASER]);
     // Back in steps short enough for the attitude to be exact to rounding.
     let steps = (time / 0.01).ceil().max(1.0);
     let mut left = steps;
     let mut free = true;
     while left > 0.5 {
-        for (b, m) in bodies.iter_mut().zip(mass) {
-            b.drift(m, -time / steps);
+        if apart {
+            for (b, m) in bodies.iter_mut().zip(mass) {
+                b.drift(m, -time / steps);
+            }
+        } else {
+            carrier.drift(&one.mass, -time / steps);
+            bodies[TARGET].drift(&mass[TARGET], -time / steps);
+            one.part(&carrier, mass, &mut bodies);
         }
         let poses = system.poses(&bodies.map(|b| b.pose()));
         free &= !system.touches(&poses);
         left -= 1.0;
     }
     (bodies, free)
+}
+
+/// Chaser and ring, the ring at its rest, as one rigid body in the axes of the chaser.
+struct Carried {
+    mass: MassProperties,
+    /// Pose of the ring's mass-centre frame in the chaser's.
+    x_cr: Pose,
+    /// Mass centre of both in the chaser's frame, m.
+    com: DVec3,
+}
+
+impl Carried {
+    fn new(system: &System) -> Self {
+        let (mass, x_cr) = (system.mass(), system.ring_at_rest());
+        if system.rigid() {
+            // The chaser's are those of both already.
+            return Self { mass: mass[CHASER], x_cr, com: DVec3::ZERO };
+        }
+        let (both, com) = mass[CHASER].joined(&mass[RING], x_cr);
+        Self { mass: both, x_cr, com }
+    }
+
+    fn state(&self, chaser: &BodyState, mass: &MassProperties) -> BodyState {
+        let (t, arm) = (chaser.twist(mass), chaser.q * self.com);
+        let pose = Pose::new(chaser.p + arm, chaser.q);
+        BodyState::new(&self.mass, pose, t.v + t.w.cross(arm), chaser.q.conjugate() * t.w)
+    }
+
+    fn part(&self, both: &BodyState, mass: &[MassProperties; 3], bodies: &mut [BodyState; 3]) {
+        let t = both.twist(&self.mass);
+        let w_b = both.q.conjugate() * t.w;
+        let at = |p_b: DVec3| both.p + both.q * (p_b - self.com);
+        let v = |p: DVec3| t.v + t.w.cross(p - both.p);
+        let (c, r) = (at(DVec3::ZERO), at(self.x_cr.p));
+        bodies[CHASER] = BodyState::new(&mass[CHASER], Pose::new(c, both.q), v(c), w_b);
+        let q_r = both.q * self.x_cr.q;
+        let w_r = self.x_cr.q.conjugate() * w_b;
+        bodies[RING] = BodyState::new(&mass[RING], Pose::new(r, q_r), v(r), w_r);
+    }
 }
 
 /// Distance of the ring centres along X3 at which the sides first touch, coming from afar.

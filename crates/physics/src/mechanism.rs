@@ -1,7 +1,7 @@
 //! The whole mechanism between the two spacecraft: contact, attenuation, latches, joined rings.
 
 use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench};
-use docktwin_model::{Attenuator, DockingMechanism, LatchSet, Spacecraft};
+use docktwin_model::{Attenuator, DockingMechanism, LatchAxes, LatchSet, Spacecraft};
 
 use crate::{
     attenuator::{self, AttenuatorForce, AttenuatorGeometry, AttenuatorState, Deflection},
@@ -167,7 +167,7 @@ impl MechanismState {
 /// Position of a striker against its latch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LatchGap {
-    /// Along X of `r3`, m; zero when the ring faces meet.
+    /// Along X of the latches' axes ([`docktwin_model::LatchAxes`]), m; zero when the ring faces meet.
     pub axial_m: f64,
     /// Radially, m.
     pub radial_m: f64,
@@ -175,6 +175,11 @@ pub struct LatchGap {
     pub tangential_m: f64,
     /// Striker in `r3`, m.
     striker_r: DVec3,
+    /// Where a caught latch pulls, in `r3`, m: at the striker where axes are those of the active ring, at the
+    /// latch where they are those of the passive one. Only so is the pull the gradient of its energy.
+    pull_at_r: DVec3,
+    /// X of the latches' axes, in `r3`.
+    axis_r: DVec3,
 }
 
 /// Everything that depends on positions only.
@@ -421,12 +426,22 @@ impl System {
             // The same point in r4 when docked: r4 is r3 turned by 180° about Z.
             let striker_p = DVec3::new(p.section_radius_m, -latch.y, latch.z);
             let striker_r = x_rp.transform_point(striker_p);
-            let g = striker_r - latch;
+            let apart = striker_r - latch;
+            let (g, pull_at_r, axis_r) = match l.axes {
+                LatchAxes::Active => (apart, striker_r, DVec3::X),
+                LatchAxes::Passive => {
+                    // From r4 to the axes that it has in r3 when docked.
+                    let turned = |v: DVec3| DVec3::new(-v.x, -v.y, v.z);
+                    (turned(x_rp.q.conjugate() * apart), latch, x_rp.q * DVec3::NEG_X)
+                }
+            };
             LatchGap {
                 axial_m: g.x,
                 radial_m: g.dot(radial),
                 tangential_m: g.dot(tangential),
                 striker_r,
+                pull_at_r,
+                axis_r,
             }
         })
     }
@@ -461,10 +476,10 @@ impl System {
                     out.contact_on_target += force;
                 }
                 if let Some(l) = &self.mechanism.latches {
-                    let axis = m.poses.x_wr.q * DVec3::X;
                     for (gap, latch) in m.latches.iter().zip(&state.latches) {
                         if latch.phase == LatchPhase::Latched {
-                            let arm = m.poses.x_wr.q * gap.striker_r;
+                            let axis = m.poses.x_wr.q * gap.axis_r;
+                            let arm = m.poses.x_wr.q * gap.pull_at_r;
                             out.on_target.push(arm, axis * hold_n(l, gap));
                         }
                     }
@@ -509,8 +524,8 @@ impl System {
         }
     }
 
-    /// Force that each latch puts on the target at its striker, in `r3`, N: a caught latch pulls along
-    /// −X, joined rings also push and hold sideways; zero for a free one. Arguments as for
+    /// Force that each latch puts on the target, in `r3`, N: a caught latch pulls along
+    /// −X of its axes, joined rings also push and hold sideways; zero for a free one. Arguments as for
     /// [`System::forces`], of whose `on_target` this is a part.
     #[must_use]
     pub fn latch_forces(
@@ -530,7 +545,7 @@ impl System {
                 m.poses.x_wr.q.conjugate() * joined_force(l, j, m, i, rate)
             }
             None if state.latches[i].phase == LatchPhase::Latched => {
-                DVec3::X * hold_n(l, &m.latches[i])
+                m.latches[i].axis_r * hold_n(l, &m.latches[i])
             }
             None => DVec3::ZERO,
         })
@@ -702,7 +717,7 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
     }
 }
 
-/// Pull of a caught latch along X of `r3`, N, ≤ 0.
+/// Pull of a caught latch along X of its axes, N, ≤ 0.
 fn hold_n(l: &LatchSet, gap: &LatchGap) -> f64 {
     let over = (gap.axial_m - l.catch_gap_m).max(0.0);
     -l.hold_stiffness_n_m * over

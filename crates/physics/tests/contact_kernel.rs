@@ -84,6 +84,7 @@ fn regress_no_place_of_two_petals_appears_at_depth() {
             0.039_790_917_163_711_04,
         ),
         rate_rad_s: DVec3::new(-0.189_495_86, 0.722_490_62, 0.168_856_05) * 1f64.to_radians(),
+        ..ContactConditions::default()
     };
     let mut s: DockingState = common::start(&system, &conditions, 2e-3);
     let look = |s: &DockingState| system.measure(&s.mechanism, &s.poses());

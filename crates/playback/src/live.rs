@@ -135,8 +135,9 @@ impl Live {
     /// No viewer answers, the columns lack what a scene is made of, or no thread can be started.
     pub fn start(url: &str, scenario: &Scenario, columns: &[Column]) -> Result<Self, LiveError> {
         let playback = Playback::new(scenario, columns)?;
-        let view = SceneWriter::live(url, &scene_model(scenario), &pair_names(scenario))
-            .map_err(PlaybackError::from)?;
+        let model = scene_model(scenario, columns);
+        let view =
+            SceneWriter::live(url, &model, &pair_names(scenario)).map_err(PlaybackError::from)?;
         let ring = Arc::new(Ring::new(TICKS, || Slot::new(columns.len())));
         let (events, told) = sync_channel(EVENTS);
         let shower = Shower { playback, view, ring: Arc::clone(&ring), told };

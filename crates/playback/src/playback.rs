@@ -31,10 +31,11 @@ pub fn pair_names(scenario: &Scenario) -> Vec<String> {
     surfaces.chain((1..=3).map(|i| format!("latch {i}"))).collect()
 }
 
-/// What does not change in the scene of a scenario.
+/// What does not change in the scene of a scenario, recorded in these columns.
 #[must_use]
-pub fn scene_model(scenario: &Scenario) -> SceneModel<'_> {
+pub fn scene_model<'a>(scenario: &'a Scenario, columns: &[Column]) -> SceneModel<'a> {
     SceneModel {
+        with_rig: columns.iter().any(|c| c.name == "loop_phase"),
         scenario: &scenario.name,
         chaser: &scenario.chaser,
         target: &scenario.target,

@@ -88,8 +88,8 @@ pub fn save_one(
     until: Option<SimTime>,
     file: &Path,
 ) -> Result<(), PlaybackError> {
-    let mut view =
-        SceneWriter::create(file, &scene_model(&run.scenario), &pair_names(&run.scenario))?;
+    let model = scene_model(&run.scenario, run.reader.columns());
+    let mut view = SceneWriter::create(file, &model, &pair_names(&run.scenario))?;
     run.play(&mut view, until)?;
     Ok(view.finish()?)
 }
@@ -115,8 +115,9 @@ pub fn save_two(
     // In B's own time; before its start nothing of it is shown.
     let until_b = until.map(|t| t.nanos().cast_signed() - shift_ns);
     let names = pair_names(&a.scenario);
-    let mut front = SceneWriter::create_compared(file, &scene_model(&a.scenario), &names)?;
-    let mut ghost = front.ghost(&scene_model(&b.scenario), &names, shift_ns)?;
+    let [model_a, model_b] = [&*a, &*b].map(|r| scene_model(&r.scenario, r.reader.columns()));
+    let mut front = SceneWriter::create_compared(file, &model_a, &names)?;
+    let mut ghost = front.ghost(&model_b, &names, shift_ns)?;
     let seconds = SimTime::from_nanos(shift_ns.unsigned_abs()).seconds();
     let later = if shift_ns < 0 { "earlier" } else { "later" };
     let (a_name, b_name) = (a.dir.display().to_string(), b.dir.display().to_string());

@@ -40,7 +40,7 @@ impl ViewerFile {
 
 impl Sink for ViewerFile {
     fn begin(&mut self, h: &Header<'_>) -> Result<(), SinkError> {
-        let (model, names) = (scene_model(h.scenario), pair_names(h.scenario));
+        let (model, names) = (scene_model(h.scenario, h.columns), pair_names(h.scenario));
         let writer = SceneWriter::create(&self.path, &model, &names)?;
         self.open = Some((writer, Playback::new(h.scenario, h.columns)?));
         self.tick_nanos = h.scenario.run.tick_nanos;

@@ -202,12 +202,27 @@ impl FidelityOf {
     }
 }
 
+/// A window whose simulated force stays below this share of the run's largest says little by its ratios: a
+/// large part of little.
+const SMALL_FORCE: f64 = 0.5;
+
+impl FidelityOf {
+    /// Where the forces of a window are small beside those of the run: its largest simulated force and that of
+    /// the run, N.
+    #[must_use]
+    pub fn small_forces(&self, window: &FidelityFigures) -> Option<[f64; 2]> {
+        let (peak, most) = (window.simulated_peak_force_n?, self.whole_run.simulated_peak_force_n?);
+        (peak < SMALL_FORCE * most).then_some([peak, most])
+    }
+}
+
 impl FidelityFigures {
     /// The figures by their keys.
     #[must_use]
-    pub const fn figures(&self) -> [(&'static str, Option<f64>); 9] {
+    pub const fn figures(&self) -> [(&'static str, Option<f64>); 10] {
         [
             ("window_s", self.window_s),
+            ("simulated_peak_force_n", self.simulated_peak_force_n),
             ("peak_force_ratio", self.peak_force_ratio),
             ("peak_moment_ratio", self.peak_moment_ratio),
             ("nrms_force", self.nrms_force),
@@ -241,6 +256,9 @@ pub struct FidelityOf {
 pub struct FidelityFigures {
     /// Length of the window, s; null where the run did not last to its end.
     pub window_s: Option<f64>,
+    /// Largest |F4| of the simulated system, N; `None` in summaries before 0.3.
+    #[serde(default)]
+    pub simulated_peak_force_n: Option<f64>,
     /// Largest |F4| over that of the simulated system.
     pub peak_force_ratio: Option<f64>,
     /// Largest |M4| over that of the simulated system.
@@ -384,6 +402,12 @@ pub struct Summary {
     /// HIL only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetySummary>,
+    /// What the verdict does not say and a reader should know, one line each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// Bounds of the scenario's `expect`, by key, that a run of this kind does not judge.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_judged: Vec<String>,
     /// Give `None`: [`crate::RunWriter::finish`] fills it in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingSummary>,
@@ -397,6 +421,47 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Of a run of which nothing else is known: every figure is null, and written by this version.
+    #[must_use]
+    pub fn new(scenario: &str, outcome: Outcome, verdict: Verdict) -> Self {
+        Self {
+            schema_version: SUMMARY_SCHEMA,
+            tool_version: env!("CARGO_PKG_VERSION").to_owned(),
+            scenario: scenario.to_owned(),
+            seed: 0,
+            state_digest: String::new(),
+            outcome,
+            verdict,
+            failure_reason: None,
+            first_contact_s: None,
+            capture_s: None,
+            latches_s: vec![None; 3],
+            peak_force_n: f64::NAN,
+            peak_moment_nm: f64::NAN,
+            impulse_ns: f64::NAN,
+            net_impulse_ns: None,
+            peak_penetration_m: f64::NAN,
+            mass_kg: None,
+            energy_in_j: f64::NAN,
+            energy_dissipated_j: f64::NAN,
+            energy_balance_error: f64::NAN,
+            momentum_error: f64::NAN,
+            duration_s: f64::NAN,
+            ticks: 0,
+            wall_s: 0.0,
+            realtime_factor: 0.0,
+            step_us: StepUs::default(),
+            loop_: None,
+            fidelity: None,
+            safety: None,
+            warnings: Vec::new(),
+            not_judged: Vec::new(),
+            recording: None,
+            record_digest: None,
+            summary_digest: None,
+        }
+    }
+
     /// Notes that the run was stopped before its end: that is its outcome, and never a pass.
     pub fn stop(&mut self, why: &str) {
         self.outcome = Outcome::Stopped;

@@ -8,7 +8,7 @@ use std::path::Path;
 use docktwin_core::{DVec3, SimTime, Tick};
 use docktwin_record::{
     Cell, Column, ColumnKind, ContactRow, Event, Outcome, Policy, RecordError, RunReader,
-    RunWriter, SUMMARY_SCHEMA, StepUs, Summary, Verdict, files, first_difference, flip_bit,
+    RunWriter, StepUs, Summary, Verdict, files, first_difference, flip_bit,
 };
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
@@ -36,23 +36,14 @@ fn metadata() -> BTreeMap<String, String> {
 
 fn summary() -> Summary {
     Summary {
-        schema_version: SUMMARY_SCHEMA,
-        tool_version: "0.1.0".into(),
-        scenario: "apas_nominal".into(),
         seed: 7,
         state_digest: "00ff".into(),
-        outcome: Outcome::Captured,
-        verdict: Verdict::Pass,
-        failure_reason: None,
         first_contact_s: Some(0.1),
-        capture_s: None,
         latches_s: vec![Some(0.3), None, None],
         peak_force_n: 1234.5,
         peak_moment_nm: 0.1 + 0.2,
         impulse_ns: 12.0,
-        net_impulse_ns: None,
         peak_penetration_m: 1e-4,
-        mass_kg: None,
         energy_in_j: 5.0,
         energy_dissipated_j: 4.0,
         energy_balance_error: 1e-5,
@@ -62,12 +53,7 @@ fn summary() -> Summary {
         wall_s: 0.5,
         realtime_factor: 20.0,
         step_us: StepUs { p50: 10.0, p99: 20.0, p999: 30.0, max: 40.0, n: 50_000 },
-        loop_: None,
-        fidelity: None,
-        safety: None,
-        recording: None,
-        record_digest: None,
-        summary_digest: None,
+        ..Summary::new("apas_nominal", Outcome::Captured, Verdict::Pass)
     }
 }
 

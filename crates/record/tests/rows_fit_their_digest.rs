@@ -8,8 +8,8 @@ use std::path::Path;
 
 use docktwin_core::{SimTime, Tick};
 use docktwin_record::{
-    Cell, Column, ContactRow, Cut, Event, Flaw, Outcome, Policy, RunReader, RunWriter,
-    SUMMARY_SCHEMA, StepUs, Summary, TickRecord, Verdict, files, flip_bit, read_summary, recover,
+    Cell, Column, ContactRow, Cut, Event, Flaw, Outcome, Policy, RunReader, RunWriter, Summary,
+    TickRecord, Verdict, files, flip_bit, read_summary, recover,
 };
 use mcap_rewrite::{Rewrite, rewrite, scale};
 
@@ -28,24 +28,14 @@ fn contacts(tick: u64) -> Vec<ContactRow> {
 
 fn summary() -> Summary {
     Summary {
-        schema_version: SUMMARY_SCHEMA,
-        tool_version: "0.2.0".into(),
-        scenario: "swing".into(),
         seed: 7,
         state_digest: "00ff".into(),
-        outcome: Outcome::Captured,
-        verdict: Verdict::Pass,
-        failure_reason: None,
         first_contact_s: Some(0.1),
-        capture_s: None,
         latches_s: vec![Some(0.3), None, None],
         peak_force_n: 1234.5,
         peak_moment_nm: 0.1 + 0.2,
         impulse_ns: 12.0,
-        net_impulse_ns: None,
         peak_penetration_m: 1e-4,
-        mass_kg: None,
-        energy_in_j: f64::NAN,
         energy_dissipated_j: 4.0,
         energy_balance_error: 1e-5,
         momentum_error: 1e-15,
@@ -53,13 +43,7 @@ fn summary() -> Summary {
         ticks: TICKS,
         wall_s: 0.5,
         realtime_factor: 20.0,
-        step_us: StepUs::default(),
-        loop_: None,
-        fidelity: None,
-        safety: None,
-        recording: None,
-        record_digest: None,
-        summary_digest: None,
+        ..Summary::new("swing", Outcome::Captured, Verdict::Pass)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The page.
 
-use docktwin_record::{FidelityOf, Outcome, Verdict};
+use docktwin_record::{FidelityFigures, FidelityOf, Outcome, Verdict};
+use docktwin_scenario::{ExpectedOutcome, Scenario};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::curves;
@@ -109,6 +110,10 @@ fn head(run: &Run) -> Markup {
                         @if let Some(reason) = &s.failure_reason {
                             p { "Not as expected because: " (sentence(reason)) }
                         }
+                        @for what in &s.warnings { p { strong { "Warning: " } (sentence(what)) } }
+                        @if !s.not_judged.is_empty() {
+                            p.muted { "Not judged by a run of this kind: " (s.not_judged.join(", ")) "." }
+                        }
                     }
                     None => {
                         p.stamp { span.badge { "no verdict" } strong { "outcome unknown" } }
@@ -117,13 +122,19 @@ fn head(run: &Run) -> Markup {
                 }
                 @if let Some(s) = &run.scenario {
                     p.muted {
-                        "Expected: " strong { (s.expect.outcome.to_string().replace('_', " ")) }
+                        "Expected: " strong { (expected_outcome(run, s).to_string().replace('_', " ")) }
                         ", because " (s.expect.because)
                     }
                 }
             }
         }
     }
+}
+
+/// How a run of this kind must end.
+fn expected_outcome(run: &Run, scenario: &Scenario) -> ExpectedOutcome {
+    let with_rig = run.summary.as_ref().is_some_and(|s| s.loop_.is_some());
+    if with_rig { scenario.expect.outcome_of_hil() } else { scenario.expect.outcome }
 }
 
 /// Whether the log shows what the summary says.
@@ -330,9 +341,6 @@ fn rig_loop(run: &Run) -> Markup {
     };
     let meta = |k: &str| run.metadata.get(k).cloned();
     let us = |x: f64| format!("{} µs", words::three(x));
-    let ratio = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{x:.4}"));
-    let part =
-        |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{} %", words::three(x * 100.0)));
     let timed = l.lateness_us.max > 0.0;
     html! {
         div.card {
@@ -360,12 +368,10 @@ fn rig_loop(run: &Run) -> Markup {
                     (row("force, pose apart", format!("{}, {}", part(f.nrms_force), part(f.nrms_pose))))
                     (row("energy gained", part(f.delta_energy)))
                     @for (name, of) in [("felt", f.felt), ("hardware", f.hardware)] {
-                        @for (window, x) in of.iter().flat_map(FidelityOf::windows).filter(|w| w.1.window_s.is_some()) {
-                            (row(&format!("{name}, {}", window.replace('_', " ")), format!(
-                                "peak {}, impulse {}; force {}, moment {}, pose {} apart",
-                                ratio(x.peak_force_ratio), ratio(x.impulse_ratio),
-                                part(x.nrms_force), part(x.nrms_moment), part(x.nrms_pose)
-                            )))
+                        @if let Some(of) = &of {
+                            @for (window, x) in of.windows().into_iter().filter(|w| w.1.window_s.is_some()) {
+                                (fidelity_row(&format!("{name}, {}", window.replace('_', " ")), &x, of))
+                            }
                         }
                         @if let Some(t) = of.and_then(|of| of.capture_difference_s) {
                             (row(&format!("{name}, capture"), format!("{:+.2} ms", t * 1e3)))
@@ -380,10 +386,40 @@ fn rig_loop(run: &Run) -> Markup {
                 }
             }
             @if s.fidelity.is_some() {
-                p.small { "R_e, R_T, force, pose and energy are against the simulated system with the mechanism that the rig has: 1 and 0 % would be it. Felt is what the bodies' programme received, hardware what the article bore; windows begin with first contact." }
+                p.small { "R_e, R_T, force, pose and energy are against the simulated system with the mechanism that the rig has: 1 and 0 % would be it. Felt is what the bodies' programme received, hardware what the article bore. Windows begin with first contact: to the first latch of the simulated system, to 1 s after its capture, to the end. An error of the force is its RMS over the RMS of the simulated force in the same window: where forces are small (grey) a large part is of little." }
             }
         }
     }
+}
+
+fn ratio(x: Option<f64>) -> String {
+    x.map_or("–".to_owned(), |x| format!("{x:.4}"))
+}
+
+fn part(x: Option<f64>) -> String {
+    x.map_or("–".to_owned(), |x| format!("{} %", words::three(x * 100.0)))
+}
+
+/// A window of a comparison, in grey where its forces are small beside those of the run.
+fn fidelity_row(name: &str, x: &FidelityFigures, of: &FidelityOf) -> Markup {
+    let small = of.small_forces(x);
+    let length = x.window_s.map_or(String::new(), |t| format!("in {}: ", words::seconds(t)));
+    let about = small.map_or(String::new(), |[peak, most]| {
+        format!(
+            "; forces are small here, at most {} of {} in the run",
+            words::newtons(peak),
+            words::newtons(most)
+        )
+    });
+    let text = format!(
+        "{length}peak {}, impulse {}; force {}, moment {}, pose {} apart{about}",
+        ratio(x.peak_force_ratio),
+        ratio(x.impulse_ratio),
+        part(x.nrms_force),
+        part(x.nrms_moment),
+        part(x.nrms_pose)
+    );
+    html! { tr class=[small.map(|_| "muted")] { th scope="row" { (name) } td { (text) } } }
 }
 
 fn energy(run: &Run) -> Markup {

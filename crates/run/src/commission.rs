@@ -23,7 +23,7 @@ use docktwin_scenario::{Loader, Scenario, resolve_path};
 
 use crate::{
     error::RunError,
-    hil_run::PERIOD_NS,
+    hil_run::{PERIOD_NS, refuse_sag},
     rig_place::{
         ClockKind, Operator, RealtimeOptions, RigPlace, best_effort, confirm, connect,
         identification, new_session, patience,
@@ -86,7 +86,7 @@ impl Stand {
     /// Reads both.
     ///
     /// # Errors
-    /// Problems of their files, or no scenario.
+    /// Problems of their files, no scenario, or a mechanism that would sag out of its travel on this rig.
     pub fn load(options: &StandOptions) -> Result<Self, RunError> {
         let rig = load_rig(&options.model)?.model;
         let named = options.scenario.clone();
@@ -100,6 +100,7 @@ impl Stand {
         let scenario = options.loader.load(&path)?;
         let (system, _) = start(&scenario)?;
         let preset = options.preset.unwrap_or(rig.hydraulics.default_preset);
+        refuse_sag(&rig, &system, &options.model)?;
         Ok(Self { rig, preset, system, scenario, seed: options.seed, perturb: options.perturb })
     }
 

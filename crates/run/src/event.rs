@@ -4,7 +4,7 @@ use docktwin_control::safety::Trip;
 use docktwin_core::{SimTime, Tick};
 use docktwin_hil::scheduler::Phase;
 use docktwin_physics::{contact::SurfacePair, limits::LimitPassed, mechanism::LatchPhase};
-use docktwin_record::{Event, Outcome};
+use docktwin_record::{Event, Fidelity, FidelityOf, Outcome};
 use docktwin_scenario::Body;
 use serde_json::{Value, json};
 
@@ -63,6 +63,10 @@ pub enum RunEvent {
         /// How late the wake-up was, ms.
         lateness_ms: f64,
     },
+    /// How near a run with a rig came to the simulated system.
+    Fidelity(Box<Fidelity>),
+    /// Something that no bound asks about and a reader should know.
+    Warning(String),
     /// The end of the run.
     Outcome {
         /// How it ended.
@@ -79,6 +83,30 @@ const fn body_name(body: Body) -> &'static str {
         Body::Chaser => "chaser",
         Body::Target => "target",
     }
+}
+
+/// Felt and hardware over the longer windows, as far as they are known.
+fn fidelity_words(f: &Fidelity) -> String {
+    let share = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{:.1} %", 100.0 * x));
+    let ratio = |x: Option<f64>| x.map_or("–".to_owned(), |x| format!("{x:.3}"));
+    let mut out = Vec::new();
+    for (name, of) in [("felt", f.felt), ("hardware", f.hardware)] {
+        let windows = of.iter().flat_map(FidelityOf::windows).skip(1);
+        for (window, x) in windows.filter(|(_, x)| x.window_s.is_some()) {
+            out.push(format!(
+                "{name} {} peak {}, force {}, moment {}, pose {} off",
+                window.replace('_', " "),
+                ratio(x.peak_force_ratio),
+                share(x.nrms_force),
+                share(x.nrms_moment),
+                share(x.nrms_pose)
+            ));
+        }
+        if let Some(t) = of.and_then(|of| of.capture_difference_s) {
+            out.push(format!("{name} capture {:+.2} ms", t * 1e3));
+        }
+    }
+    out.join("; ")
 }
 
 impl RunEvent {
@@ -99,6 +127,8 @@ impl RunEvent {
             Self::Phase(_) => "phase",
             Self::SafetyStop(_) => "safety_stop",
             Self::MissedTicks { .. } => "missed_ticks",
+            Self::Fidelity(_) => "fidelity",
+            Self::Warning(_) => "warning",
             Self::Outcome { .. } => "outcome",
         }
     }
@@ -179,6 +209,12 @@ impl RunEvent {
                 format!("t = {t:.3} s {missed} ticks left out: woken {lateness_ms:.3} ms late"),
                 json!({ "missed": missed, "lateness_ms": lateness_ms }),
             ),
+            Self::Fidelity(f) => (
+                format!("against the simulated system: {}", fidelity_words(f)),
+                // Plain numbers and nulls: it always serialises.
+                serde_json::to_value(f).unwrap_or_default(),
+            ),
+            Self::Warning(what) => (format!("warning: {what}"), json!({ "warning": what })),
             Self::Outcome { outcome, reason, decided_s } => (
                 format!("{outcome}: {reason}"),
                 json!({ "outcome": outcome.to_string(), "decided_s": decided_s }),

@@ -29,6 +29,7 @@ mod error;
 pub mod event;
 pub mod fidelity;
 mod hil_run;
+pub mod inspection;
 pub mod observer;
 pub mod progress;
 pub mod provenance;

@@ -9,7 +9,7 @@ use docktwin_physics::{
     outcome::{Judgement, Monitor, Observation, Outcome as Judged},
     reduced::{DockingState, Inputs},
 };
-use docktwin_record::{Masses, Outcome, SUMMARY_SCHEMA, StepUs, Summary, Verdict};
+use docktwin_record::{Masses, Outcome, StepUs, Summary, Verdict};
 use docktwin_scenario::{Body, Expect, ExpectedOutcome, Measured};
 use hdrhistogram::Histogram;
 
@@ -172,23 +172,33 @@ impl Observer {
         ticks: u64,
         time: SimTime,
     ) -> Summary {
-        let failures = self.failures(asked.expect, state, judgement);
+        let failures = self.failures(asked.expect, state, judgement, time);
+        let verdict = if failures.is_empty() { Verdict::Pass } else { Verdict::Fail };
         Summary {
-            schema_version: SUMMARY_SCHEMA,
-            tool_version: env!("CARGO_PKG_VERSION").to_owned(),
-            scenario: asked.scenario.to_owned(),
+            failure_reason: (!failures.is_empty()).then(|| told(&failures, judgement)),
+            not_judged: asked.expect.not_judged_without_rig(),
+            ..self.figures(
+                asked,
+                state,
+                (recorded_outcome(judgement.outcome), verdict),
+                ticks,
+                time,
+            )
+        }
+    }
+
+    /// The summary without its reasons.
+    fn figures(
+        &self,
+        asked: &Asked<'_>,
+        state: &DockingState,
+        (outcome, verdict): (Outcome, Verdict),
+        ticks: u64,
+        time: SimTime,
+    ) -> Summary {
+        Summary {
             seed: asked.seed,
             state_digest: self.digests.finish().to_string(),
-            outcome: recorded_outcome(judgement.outcome),
-            verdict: if failures.is_empty() { Verdict::Pass } else { Verdict::Fail },
-            failure_reason: (!failures.is_empty()).then(|| {
-                format!(
-                    "{} [{}: {}]",
-                    failures.join("; "),
-                    judgement.outcome.name(),
-                    judgement.reason
-                )
-            }),
             first_contact_s: state.first_contact_s,
             capture_s: state.mechanism.captured_s(),
             latches_s: state.mechanism.latches.iter().map(|l| l.times_s[2]).collect(),
@@ -204,15 +214,26 @@ impl Observer {
             momentum_error: self.momentum.error,
             duration_s: time.seconds(),
             ticks,
-            wall_s: 0.0,
-            realtime_factor: 0.0,
             step_us: self.steps.summary(),
-            loop_: None,
-            fidelity: None,
-            safety: None,
-            recording: None,
-            record_digest: None,
-            summary_digest: None,
+            ..Summary::new(asked.scenario, outcome, verdict)
+        }
+    }
+
+    /// The summary of a run against a rig, of which the verdict is still to be made: figures alone.
+    #[must_use]
+    pub fn summary_with_rig(
+        &self,
+        asked: &Asked<'_>,
+        state: &DockingState,
+        judgement: &Judgement,
+        ticks: u64,
+        time: SimTime,
+    ) -> Summary {
+        let outcome = (recorded_outcome(judgement.outcome), Verdict::Fail);
+        Summary {
+            // Nothing tells where energy went on a rig: what is missing is what the mechanism took.
+            energy_balance_error: f64::NAN,
+            ..self.figures(asked, state, outcome, ticks, time)
         }
     }
 
@@ -222,12 +243,14 @@ impl Observer {
         expect: &Expect,
         state: &DockingState,
         judgement: &Judgement,
+        time: SimTime,
     ) -> Vec<String> {
         let capture_s = state.mechanism.captured_s();
         let mut failures = expect.failures(&Measured {
             outcome: expected_outcome(judgement.outcome),
             first_contact_s: state.first_contact_s,
             capture_s,
+            duration_s: time.seconds(),
             peak_force_n: state.peak_force_n,
             peak_moment_nm: state.peak_moment_nm,
             peak_penetration_m: state.peak_depth_m,
@@ -242,6 +265,11 @@ impl Observer {
         }
         failures
     }
+}
+
+/// Failures and how the docking itself was judged, in one line.
+pub(crate) fn told(failures: &[String], judgement: &Judgement) -> String {
+    format!("{} [{}: {}]", failures.join("; "), judgement.outcome.name(), judgement.reason)
 }
 
 /// The outcome as a record names it.

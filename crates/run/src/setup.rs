@@ -3,12 +3,12 @@
 use docktwin_core::{DVec3, Digest, StateHasher, Wrench};
 use docktwin_physics::{
     body::BodyState,
-    initial::{ContactConditions, initial_state},
+    initial::{ContactConditions, Turning, initial_state},
     mechanism::System,
     reduced::{DockingState, Inputs},
 };
 use docktwin_record::Masses;
-use docktwin_scenario::{Body, Scenario, Thrust, Trigger};
+use docktwin_scenario::{Body, Scenario, Thrust, Trigger, TurningBody};
 
 /// Steps of a tick of 1 ms of the full twin: 0.2 ms each.
 pub const FULL_STEPS_PER_MS: u32 = 5;
@@ -64,6 +64,11 @@ pub fn start(scenario: &Scenario) -> Result<(System, [BodyState; 3]), StartOverl
             i.lateral_speed_m_s[1],
         ),
         rate_rad_s: i.rates_rad_s,
+        turning: match i.turning {
+            TurningBody::Target => Turning::Target,
+            TurningBody::Chaser => Turning::Chaser,
+            TurningBody::Both => Turning::Both,
+        },
     };
     let bodies = initial_state(&system, &conditions, i.gap_m).bodies;
     let touching = {

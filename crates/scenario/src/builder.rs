@@ -20,8 +20,14 @@ use crate::{ExpectedOutcome, Loader, Scenario, ScenarioErrors};
 ///     .set("initial.lateral_y_m", 0.03)
 ///     .set("run.duration_s", 30.0)
 ///     .expect(ExpectedOutcome::Captured, "8.6 J of closing energy against less than 1 J.")
+///     .fidelity([
+///         ("of", "hardware".into()),
+///         ("window", "to_capture".into()),
+///         ("nrms_force_below", 0.05.into()),
+///     ])
 ///     .build(&root)?;
 /// assert_eq!(scenario.initial.axial_speed_m_s, 0.06);
+/// assert_eq!(scenario.expect.fidelity[0].nrms_force.below, Some(0.05));
 /// # Ok::<(), docktwin_scenario::ScenarioErrors>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -76,17 +82,22 @@ impl ScenarioBuilder {
     /// `[("on", "chaser".into()), ("after", "first_contact".into()), ("force_x_n", 300.0.into()), …]`.
     #[must_use]
     pub fn thrust<const N: usize>(mut self, keys: [(&str, Value); N]) -> Self {
-        let list =
-            self.document.entry("thrust").or_insert(Item::ArrayOfTables(ArrayOfTables::new()));
-        let Some(list) = list.as_array_of_tables_mut() else {
-            self.wrong.push(("thrust".to_owned(), "is no list of tables".to_owned()));
-            return self;
-        };
-        let mut table = Table::new();
-        for (key, value) in keys {
-            table.insert(key, Item::Value(value));
+        let list = self.document.entry("thrust").or_insert(no_tables());
+        if !push(list, keys) {
+            self.wrong.push(("thrust".to_owned(), NO_LIST.to_owned()));
         }
-        list.push(table);
+        self
+    }
+
+    /// One more table of bounds of fidelity, by the keys of `[[expect.fidelity]]`, such as
+    /// `[("of", "hardware".into()), ("window", "to_capture".into()), ("nrms_force_below", 0.05.into())]`.
+    #[must_use]
+    pub fn fidelity<const N: usize>(mut self, keys: [(&str, Value); N]) -> Self {
+        let expect = self.document.entry("expect").or_insert(Item::Table(Table::new()));
+        let list = expect.as_table_mut().map(|t| t.entry("fidelity").or_insert(no_tables()));
+        if !list.is_some_and(|list| push(list, keys)) {
+            self.wrong.push(("expect.fidelity".to_owned(), NO_LIST.to_owned()));
+        }
         self
     }
 
@@ -118,4 +129,21 @@ impl ScenarioBuilder {
             self.wrong.iter().map(|(key, _)| (key.clone(), String::new())).collect();
         loader.clone().set_texts("", &again).read(&self.to_toml(), folder.as_ref())
     }
+}
+
+const NO_LIST: &str = "is no list of tables";
+
+fn no_tables() -> Item {
+    Item::ArrayOfTables(ArrayOfTables::new())
+}
+
+/// One more table of these keys; false where it is no list of tables.
+fn push<const N: usize>(list: &mut Item, keys: [(&str, Value); N]) -> bool {
+    let Some(list) = list.as_array_of_tables_mut() else { return false };
+    let mut table = Table::new();
+    for (key, value) in keys {
+        table.insert(key, Item::Value(value));
+    }
+    list.push(table);
+    true
 }

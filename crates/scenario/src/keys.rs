@@ -48,6 +48,10 @@ const ANY: Range = Range::within(-1e6, 1e6);
 const LOAD: Range = Range::positive(1e9);
 const TIME: Range = Range::within(0.0, 1e6);
 const TOLERANCE: Range = Range::within(1e-9, 1.0);
+const RATIO: Range = Range::within(0.0, 100.0);
+const NRMS: Range = Range::positive(100.0);
+const GAIN: Range = Range::within(-100.0, 100.0);
+const DIFFERENCE: Range = Range::positive(100.0);
 
 pub(crate) const KEYS: &[Key] = &[
     key("schema", Shape::Count(1, 1), "Version of this file format; 1, and it must be there."),
@@ -161,8 +165,8 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "initial.roll_rate_deg_s",
         Shape::Default(Range::within(-60.0, 60.0), 0.0),
-        "Angular velocity of the target relative to the chaser, X component in e4. All of it is the target's: the \
-         chaser and its ring do not turn before contact.",
+        "Angular velocity of the target relative to the chaser, X component in e4. Which of both turns says \
+         `initial.turning`.",
     ),
     key(
         "initial.pitch_rate_deg_s",
@@ -173,6 +177,14 @@ pub(crate) const KEYS: &[Key] = &[
         "initial.yaw_rate_deg_s",
         Shape::Default(Range::within(-60.0, 60.0), 0.0),
         "The same, Z component.",
+    ),
+    key(
+        "initial.turning",
+        Shape::Words(&["target", "chaser", "both"], false),
+        "Which body has these rates before contact; without it the target alone: the chaser and its ring do \
+         not turn. `chaser`: the chaser with its ring alone, opposite; `both`: half each. At the plane of \
+         first contact the motion of the target seen from e3 is the same; the flight there and what follows \
+         are not, because a body that turns has angular momentum.",
     ),
     key(
         "initial.gap_m",
@@ -266,14 +278,17 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "expect.hil_outcome",
         Shape::Words(OUTCOMES, false),
-        "How `hil` must end to pass, where that is not `outcome`. The other bounds count for \
-         `rehearse` alone: the deviation of a rig is reported as fidelity.",
+        "How `hil` must end to pass, where that is not `outcome`. Bounds beside it count for `rehearse` \
+         alone, those of `[expect.hil]` and `[[expect.fidelity]]` for `hil` alone; the summary names those \
+         that a run did not judge. Any bound of a figure that was not computed is not met.",
     ),
     key("expect.because", Shape::Text, "Why physics gives this outcome."),
     key("expect.first_contact_after_s", Shape::Maybe(TIME), "First contact not before this time."),
     key("expect.first_contact_before_s", Shape::Maybe(TIME), "First contact before this time."),
     key("expect.capture_after_s", Shape::Maybe(TIME), "Capture not before this time."),
     key("expect.capture_before_s", Shape::Maybe(TIME), "Capture before this time."),
+    key("expect.duration_after_s", Shape::Maybe(TIME), "The run lasts at least this long."),
+    key("expect.duration_before_s", Shape::Maybe(TIME), "The run ends before this time."),
     key("expect.peak_force_above_n", Shape::Maybe(LOAD), "Peak force at the port at least this."),
     key("expect.peak_force_below_n", Shape::Maybe(LOAD), "Peak force at the port at most this."),
     key("expect.peak_force_n", Shape::Maybe(LOAD), "Peak force at the port, within its tolerance."),
@@ -281,6 +296,11 @@ pub(crate) const KEYS: &[Key] = &[
         "expect.peak_force_tolerance",
         Shape::Maybe(TOLERANCE),
         "Relative tolerance of peak_force_n.",
+    ),
+    key(
+        "expect.peak_moment_above_nm",
+        Shape::Maybe(LOAD),
+        "Peak moment at the port at least this.",
     ),
     key("expect.peak_moment_below_nm", Shape::Maybe(LOAD), "Peak moment at the port at most this."),
     key(
@@ -301,6 +321,142 @@ pub(crate) const KEYS: &[Key] = &[
         "expect.exit_speed_tolerance",
         Shape::Maybe(TOLERANCE),
         "Relative tolerance of exit_speed_m_s.",
+    ),
+    // Times and loads of a run with a rig, as `rehearse` has them above.
+    key(
+        "expect.hil.first_contact_after_s",
+        Shape::Maybe(TIME),
+        "First contact with the rig, as measured, not before this time.",
+    ),
+    key("expect.hil.first_contact_before_s", Shape::Maybe(TIME), "The same, before this time."),
+    key(
+        "expect.hil.capture_after_s",
+        Shape::Maybe(TIME),
+        "Capture on the rig not before this time.",
+    ),
+    key("expect.hil.capture_before_s", Shape::Maybe(TIME), "The same, before this time."),
+    key(
+        "expect.hil.duration_after_s",
+        Shape::Maybe(TIME),
+        "The run with the rig lasts at least this long.",
+    ),
+    key("expect.hil.duration_before_s", Shape::Maybe(TIME), "The same, at most."),
+    key(
+        "expect.hil.peak_force_above_n",
+        Shape::Maybe(LOAD),
+        "Peak force at port 4, as measured, at least this.",
+    ),
+    key("expect.hil.peak_force_below_n", Shape::Maybe(LOAD), "The same, at most."),
+    key(
+        "expect.hil.peak_moment_above_nm",
+        Shape::Maybe(LOAD),
+        "Peak moment on the target, as measured, at least this.",
+    ),
+    key("expect.hil.peak_moment_below_nm", Shape::Maybe(LOAD), "The same, at most."),
+    key(
+        "expect.hil.peak_penetration_below_m",
+        Shape::Maybe(Range::positive(1.0)),
+        "Greatest contact depth, as the twin has it at the measured pose, at most this.",
+    ),
+    key(
+        "expect.hil.impulse_above_ns",
+        Shape::Maybe(LOAD),
+        "Contact impulse, as measured, at least this.",
+    ),
+    key("expect.hil.impulse_below_ns", Shape::Maybe(LOAD), "The same, at most."),
+    key(
+        "expect.hil.R_e_above",
+        Shape::Maybe(RATIO),
+        "`fidelity.R_e` of the summary at least this: the restitution over that of the simulated system.",
+    ),
+    key("expect.hil.R_e_below", Shape::Maybe(RATIO), "The same, at most."),
+    key(
+        "expect.hil.R_T_above",
+        Shape::Maybe(RATIO),
+        "`fidelity.R_T` at least this: duration of the first contact over that of the simulated system.",
+    ),
+    key("expect.hil.R_T_below", Shape::Maybe(RATIO), "The same, at most."),
+    key(
+        "expect.hil.delta_energy_above",
+        Shape::Maybe(GAIN),
+        "`fidelity.delta_energy` at least this: kinetic energy that the loop gained by the end, over that at \
+         the start; negative where it lost some.",
+    ),
+    key(
+        "expect.hil.delta_energy_below",
+        Shape::Maybe(GAIN),
+        "The same, at most. Without it, or a bound of it in `[[expect.fidelity]]`, `hil` warns above 0.01.",
+    ),
+    key(
+        "expect.hil.first_contact_difference_below_s",
+        Shape::Maybe(DIFFERENCE),
+        "Size of `fidelity.first_contact_difference_s` at most this.",
+    ),
+    key(
+        "expect.fidelity.of",
+        Shape::Words(&["felt", "hardware"], true),
+        "Which comparison with the simulated system is bounded: of what the bodies' programme received, or of \
+         what the article on the rig bore, which only an emulated rig tells. The figures are those of \
+         `fidelity` in the summary. One table for each comparison and window.",
+    ),
+    key(
+        "expect.fidelity.window",
+        Shape::Words(&["to_first_latch", "to_capture", "whole_run"], true),
+        "From first contact to the first latch of the simulated system, to 1 s after its capture, or to the \
+         end of the run.",
+    ),
+    key(
+        "expect.fidelity.peak_force_ratio_above",
+        Shape::Maybe(RATIO),
+        "Largest force over that of the simulated system at least this.",
+    ),
+    key("expect.fidelity.peak_force_ratio_below", Shape::Maybe(RATIO), "The same, at most."),
+    key(
+        "expect.fidelity.peak_moment_ratio_above",
+        Shape::Maybe(RATIO),
+        "Largest moment over that of the simulated system at least this.",
+    ),
+    key("expect.fidelity.peak_moment_ratio_below", Shape::Maybe(RATIO), "The same, at most."),
+    key(
+        "expect.fidelity.nrms_force_below",
+        Shape::Maybe(NRMS),
+        "RMS of the difference of the force over the RMS of the simulated force at most this. Without a \
+         bound of it in any window `hil` warns above 0.2.",
+    ),
+    key("expect.fidelity.nrms_moment_below", Shape::Maybe(NRMS), "The same of the moment."),
+    key(
+        "expect.fidelity.nrms_pose_below",
+        Shape::Maybe(NRMS),
+        "The same of the relative position.",
+    ),
+    key(
+        "expect.fidelity.nrms_attitude_below",
+        Shape::Maybe(NRMS),
+        "The same of the relative attitude.",
+    ),
+    key(
+        "expect.fidelity.impulse_ratio_above",
+        Shape::Maybe(RATIO),
+        "Impulse over that of the simulated system at least this.",
+    ),
+    key("expect.fidelity.impulse_ratio_below", Shape::Maybe(RATIO), "The same, at most."),
+    key(
+        "expect.fidelity.delta_energy_above",
+        Shape::Maybe(GAIN),
+        "Energy that the ports gave the motion, less that of the simulated system, over the kinetic energy at \
+         the start, at least this.",
+    ),
+    key("expect.fidelity.delta_energy_below", Shape::Maybe(GAIN), "The same, at most."),
+    key(
+        "expect.fidelity.latch_difference_below_s",
+        Shape::Maybe(DIFFERENCE),
+        "No latch catches earlier or later than in the simulated system by more than this, whatever the \
+         window.",
+    ),
+    key(
+        "expect.fidelity.capture_difference_below_s",
+        Shape::Maybe(DIFFERENCE),
+        "The same of capture.",
     ),
 ];
 

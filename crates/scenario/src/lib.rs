@@ -25,16 +25,21 @@ mod builder;
 mod expect;
 mod keys;
 mod load;
+mod load_expect;
 mod loader;
 mod overrides;
+mod read;
 
 pub use builder::ScenarioBuilder;
 pub use docktwin_model::keys::UnknownKey;
-pub use expect::{Bound, Expect, ExpectedOutcome, Measured, Target};
+pub use expect::{
+    Bound, Compared, Expect, ExpectedOutcome, FidelityBounds, HilBounds, Measured, RunBounds,
+    Target, Window,
+};
 pub use keys::{Explained, explain, explained};
 pub use load::{
     Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
-    Thrust, Trigger, resolve_path, resolve_path_from,
+    Thrust, Trigger, TurningBody, resolve_path, resolve_path_from,
 };
 pub use loader::{Loader, load_scenario};
 

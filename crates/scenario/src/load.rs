@@ -2,16 +2,18 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::{DVec3, Euler};
 use docktwin_model::input;
-use docktwin_model::toml_check::{Checker, Range, Table};
+use docktwin_model::toml_check::{Checker, Table};
 use docktwin_model::{
     AttenuationChoice, ContactLaw, DockingMechanism, FileDigest, HydraulicPreset, Loaded,
     ModelErrors, NormalLaw, Note, Problem, Sources, Spacecraft, load_mechanism_from,
     load_spacecraft_from,
 };
 
-use crate::expect::{Bound, Expect, ExpectedOutcome, Target};
-use crate::keys::{Shape, find, places};
+use crate::expect::Expect;
+use crate::keys::places;
+use crate::load_expect::read_expect;
 use crate::overrides::{self, Patch};
+use crate::read::{count, flag, maybe, number, vector};
 
 /// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
 const MOST_TICKS: f64 = 1e8;
@@ -83,8 +85,28 @@ pub struct InitialConditions {
     pub attitude: Euler,
     /// Angular velocity of the target relative to the chaser, in e4, rad/s.
     pub rates_rad_s: DVec3,
+    /// Which body has these rates before contact.
+    pub turning: TurningBody,
     /// How far before first contact, along X3, the run starts, m.
     pub gap_m: f64,
+}
+
+/// Which body turns before contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TurningBody {
+    /// The target alone.
+    #[default]
+    Target,
+    /// The chaser alone, with its ring.
+    Chaser,
+    /// Each at half of the rate, opposite.
+    Both,
+}
+
+impl TurningBody {
+    /// Words by which a scenario names them.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("target", Self::Target), ("chaser", Self::Chaser), ("both", Self::Both)];
 }
 
 /// Time and steps of a run.
@@ -350,39 +372,6 @@ struct ContactOverrides {
     merge_depth_m: Option<f64>,
 }
 
-// Reading by the table of keys -----------------------------------------------------------------
-
-/// A number as the table of keys describes it; NaN when it is absent or wrong.
-fn number(t: &Table<'_, '_>, key: &'static str) -> f64 {
-    match find(&t.key(key)).map(|k| k.shape) {
-        Some(Shape::Number(range)) => t.number(key, range),
-        Some(Shape::Default(range, default)) => t.optional_number(key, range).unwrap_or(default),
-        Some(Shape::Maybe(range)) => t.optional_number(key, range).unwrap_or(f64::NAN),
-        _ => t.number(key, Range::ANY),
-    }
-}
-
-/// A number that may be absent.
-fn maybe(t: &Table<'_, '_>, key: &'static str) -> Option<f64> {
-    t.has(key).then(|| number(t, key))
-}
-
-fn count(t: &Table<'_, '_>, key: &'static str) -> Option<u32> {
-    match find(&t.key(key)).map(|k| k.shape) {
-        Some(Shape::Count(lo, hi)) => t.optional_count(key, lo, hi),
-        _ => t.optional_count(key, 0, u32::MAX),
-    }
-}
-
-fn flag(t: &Table<'_, '_>, key: &'static str) -> bool {
-    let default = matches!(find(&t.key(key)).map(|k| k.shape), Some(Shape::Flag(true)));
-    t.flag(key, default)
-}
-
-fn vector(t: &Table<'_, '_>, keys: [&'static str; 3]) -> DVec3 {
-    DVec3::from_array(keys.map(|k| number(t, k)))
-}
-
 /// A name that is a file name everywhere: run directories are called after it.
 fn read_name(t: &Table<'_, '_>) -> String {
     let name = t.text("name", "text");
@@ -472,6 +461,7 @@ fn read_initial(t: &Table<'_, '_>) -> InitialConditions {
             number(t, "yaw_deg"),
         ),
         rates_rad_s: vector(t, rates) * (core::f64::consts::PI / 180.0),
+        turning: t.optional_choice("turning", &TurningBody::WORDS).unwrap_or_default(),
         gap_m,
     }
 }
@@ -561,71 +551,6 @@ fn read_thrust(t: &Table<'_, '_>) -> Thrust {
         t.refuse("until_capture", what, "remove it");
     }
     thrust
-}
-
-fn read_expect(t: &Table<'_, '_>) -> Expect {
-    let outcome = t.choice("outcome", &ExpectedOutcome::WORDS);
-    // The spread of a bound: first the key of its lower end, then of its upper one.
-    let between = |above: Option<&'static str>, below: Option<&'static str>| {
-        let bound = Bound {
-            above: above.and_then(|k| maybe(t, k)),
-            below: below.and_then(|k| maybe(t, k)),
-            near: None,
-        };
-        if let (Some(a), Some(b), Some(key)) = (bound.above, bound.below, below)
-            && a >= b
-        {
-            t.refuse(key, format!("leaves nothing: the lower bound is {a}"), "make it larger");
-        }
-        bound
-    };
-    let near = |value: &'static str, tolerance: &'static str| {
-        let (v, tol) = (maybe(t, value), maybe(t, tolerance));
-        match (v, tol) {
-            (Some(value), Some(tolerance)) => Some(Target { value, tolerance }),
-            (Some(_), None) => {
-                t.refuse(value, format!("has no `{tolerance}`"), format!("add {tolerance} = 0.01"));
-                None
-            }
-            (None, Some(_)) => {
-                t.refuse(tolerance, format!("has no `{value}`"), format!("add `{value}`"));
-                None
-            }
-            (None, None) => None,
-        }
-    };
-    let expect = Expect {
-        outcome: outcome.unwrap_or(ExpectedOutcome::Captured),
-        hil_outcome: t.optional_choice("hil_outcome", &ExpectedOutcome::WORDS),
-        because: t.text("because", "text: why physics gives this outcome"),
-        first_contact_s: between(Some("first_contact_after_s"), Some("first_contact_before_s")),
-        capture_s: between(Some("capture_after_s"), Some("capture_before_s")),
-        peak_force_n: Bound {
-            near: near("peak_force_n", "peak_force_tolerance"),
-            ..between(Some("peak_force_above_n"), Some("peak_force_below_n"))
-        },
-        peak_moment_nm: between(None, Some("peak_moment_below_nm")),
-        peak_penetration_m: between(None, Some("peak_penetration_below_m")),
-        impulse_ns: Bound {
-            near: near("impulse_ns", "impulse_tolerance"),
-            ..between(Some("impulse_above_ns"), Some("impulse_below_ns"))
-        },
-        exit_speed_m_s: Bound {
-            near: near("exit_speed_m_s", "exit_speed_tolerance"),
-            ..Bound::default()
-        },
-    };
-    let captures = matches!(
-        outcome,
-        None | Some(
-            ExpectedOutcome::Captured | ExpectedOutcome::LimitExceeded | ExpectedOutcome::Stopped
-        )
-    );
-    if !captures && expect.capture_s != Bound::default() {
-        let key = if t.has("capture_before_s") { "capture_before_s" } else { "capture_after_s" };
-        t.refuse(key, "bounds a capture that the outcome excludes", "remove it");
-    }
-    expect
 }
 
 // Models ---------------------------------------------------------------------------------------

@@ -241,18 +241,21 @@ fn regress_expectations_make_the_verdict() {
         outcome: ExpectedOutcome::Captured,
         hil_outcome: None,
         because: "why".into(),
-        first_contact_s: Bound::default(),
-        capture_s: Bound { below: Some(5.0), ..Bound::default() },
-        peak_force_n: target(1000.0, 0.01),
-        peak_moment_nm: Bound::default(),
-        peak_penetration_m: Bound::default(),
-        impulse_ns: Bound { above: Some(10.0), ..Bound::default() },
+        run: RunBounds {
+            capture_s: Bound { below: Some(5.0), ..Bound::default() },
+            peak_force_n: target(1000.0, 0.01),
+            impulse_ns: Bound { above: Some(10.0), ..Bound::default() },
+            ..RunBounds::default()
+        },
         exit_speed_m_s: Bound::default(),
+        hil: HilBounds::default(),
+        fidelity: Vec::new(),
     };
     let good = Measured {
         outcome: ExpectedOutcome::Captured,
         first_contact_s: Some(0.7),
         capture_s: Some(3.0),
+        duration_s: 9.0,
         peak_force_n: 1009.0,
         peak_moment_nm: f64::NAN,
         peak_penetration_m: 0.001,
@@ -270,6 +273,77 @@ fn regress_expectations_make_the_verdict() {
     one(Measured { peak_force_n: 989.0, ..good }, "1000 ± 1 %");
     one(Measured { peak_force_n: f64::NAN, ..good }, "NaN");
     one(Measured { impulse_ns: 9.0, ..good }, "at least 10");
+    // They are of the docking without a rig.
+    let hil = Measured { capture_s: None, peak_force_n: 0.0, ..good };
+    assert_eq!(expect.hil_failures(&hil, &|_| None), Vec::<String>::new());
+    assert_eq!(
+        expect.not_judged_by_hil(),
+        ["expect.capture_before_s", "expect.peak_force_n", "expect.impulse_above_ns"]
+    );
+    assert!(expect.not_judged_without_rig().is_empty());
+}
+
+/// Every bound that the example file gives of a run with a rig, met once, then broken one by one, then
+/// without its figure.
+#[test]
+fn invariant_each_bound_of_a_rig_is_judged_and_none_is_met_by_nothing() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("my_approach.toml");
+    let text = WHOLE.replacen("damping_n_s_m = 4000.0\n", "", 1);
+    let text = text.replace("\"models/", &format!("\"{}/../models/", scenarios().display()));
+    let text = text.replace("hil_outcome = \"stopped\"\n", "");
+    std::fs::write(&path, text).expect("write");
+    let expect = load_scenario(&path, &[]).unwrap_or_else(|e| panic!("{e}")).expect;
+    let run = Measured {
+        outcome: ExpectedOutcome::Captured,
+        first_contact_s: Some(1.0),
+        capture_s: Some(3.0),
+        duration_s: 9.0,
+        peak_force_n: 1000.0,
+        peak_moment_nm: 100.0,
+        peak_penetration_m: 0.001,
+        impulse_ns: 20.0,
+        exit_speed_m_s: None,
+    };
+    let as_simulated = |key: &str| -> Option<f64> {
+        Some(if key.contains("ratio") || key.starts_with("R_") { 1.0 } else { 1e-4 })
+    };
+    assert_eq!(expect.hil_failures(&run, &as_simulated), Vec::<String>::new());
+    let none = expect.hil_failures(&run, &|_| None);
+    // R_e, R_T, delta_energy, first_contact_difference_s, and ten of the comparison.
+    assert_eq!(none.len(), 14, "{none:?}");
+    assert!(none.iter().all(|f| f.contains("was not computed (null)")), "{none:?}");
+    for far in [1e3, -1e3] {
+        let all = expect.hil_failures(&run, &|_| Some(far));
+        let upper_only = ["nrms", "latch", "capture_d", "first_contact_d"];
+        let judged = |key: &str| {
+            far > 0.0 || key.contains("difference") || {
+                !upper_only.iter().any(|u| key.contains(u))
+            }
+        };
+        let expected = none.iter().filter(|f| judged(f.split(':').next().unwrap_or_default()));
+        assert_eq!(all.len(), expected.count(), "{all:?}");
+    }
+    let nan = Measured { peak_moment_nm: f64::NAN, first_contact_s: None, ..run };
+    let failures = expect.hil_failures(&nan, &as_simulated);
+    assert_eq!(failures.len(), 2, "{failures:?}");
+    // Latches are judged by the worst, and one that is missing is no figure.
+    let latch = |key: &str| match key {
+        "hardware.latch_difference_s.2" => Some(-0.006),
+        _ => as_simulated(key),
+    };
+    let failures = expect.hil_failures(&run, &latch);
+    assert!(
+        failures.len() == 1 && failures[0].contains("hardware.latch_difference_s 0.006 s"),
+        "{failures:?}"
+    );
+    let gone = |key: &str| as_simulated(key).filter(|_| key != "hardware.latch_difference_s.0");
+    assert_eq!(expect.hil_failures(&run, &gone).len(), 1);
+    let keys = expect.not_judged_without_rig();
+    let given = WHOLE.split("[expect.hil]").nth(1).expect("the table");
+    let bounds = given.lines().filter(|l| l.contains(" = ") && !l.contains('"')).count();
+    assert_eq!(keys.len(), bounds, "{keys:?}");
+    assert!(keys.contains(&"expect.fidelity.0.nrms_force_below".to_owned()), "{keys:?}");
 }
 
 /// Each case: text, what replaces it, what the message must say.
@@ -296,6 +370,7 @@ const BAD: &[(&str, &str, &str)] = &[
     ("friction_static = 0.3", "friction = 0.1", "did you mean `friction_"),
     ("axial_speed_m_s = 0.1", "axial_speed_m_s = 0", "> 0 and ≤ 2 m/s"),
     ("axial_speed_m_s = 0.1", "", "initial.axial_speed_m_s: is missing"),
+    ("turning = \"chaser\"", "turning = \"ring\"", "target | chaser | both"),
     ("axial_speed_m_s = 0.1", "axial_speed_m_s = nan", "not a finite number"),
     ("lateral_y_m = 0.01", "lateral_y_mm = 10", "did you mean `lateral_y_m`?"),
     ("lateral_z_m = 0.02", "lateral_z_m = \"0.02\"", "is a string"),
@@ -325,7 +400,32 @@ const BAD: &[(&str, &str, &str)] = &[
     ("peak_force_tolerance = 0.1", "", "has no `peak_force_tolerance`"),
     ("impulse_ns = 1000.0", "", "has no `impulse_ns`"),
     ("[expect]", "[expect", "valid TOML"),
-    ("[expect]", "[expected]", "add [expect]"),
+    ("[expect]", "[expected]", "expect.outcome: is missing"),
+    ("of = \"hardware\"", "of = \"sensed\"", "felt | hardware"),
+    ("window = \"to_capture\"", "", "expect.fidelity.0.window: is missing"),
+    ("nrms_force_below = 0.06", "nrms_force_belw = 0.06", "did you mean `nrms_force_below`?"),
+    ("nrms_force_below = 0.06", "nrms_force_below = 0", "> 0 and ≤ 100"),
+    ("peak_force_ratio_above = 0.98", "peak_force_ratio_above = 1.1", "leaves nothing"),
+    (
+        "outcome = \"captured\"",
+        "outcome = \"jammed\"",
+        "window = \"to_capture\": ends after a capture",
+    ),
+    (
+        "hil_outcome = \"stopped\"",
+        "hil_outcome = \"rebounded\"",
+        "expect.hil.capture_after_s = 0.2 s: bounds a capture",
+    ),
+    (
+        "[[expect.fidelity]]",
+        "[[expect.fidelity]]\nof = \"hardware\"\nwindow = \"to_capture\"\nnrms_force_below = 1.0\n\n[[expect.fidelity]]",
+        "a second time",
+    ),
+    (
+        "[[expect.fidelity]]",
+        "[[expect.fidelity]]\nof = \"felt\"\nwindow = \"whole_run\"\n\n[[expect.fidelity]]",
+        "bounds nothing",
+    ),
     ("gap_m = 0.1", "gap_m = 0.1\ngap_m = 0.2", "valid TOML"),
 ];
 

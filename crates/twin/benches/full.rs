@@ -31,6 +31,7 @@ fn in_contact() -> FullTwin {
         lateral_m: DVec3::new(0.0, 0.05, 0.0),
         velocity_m_s: DVec3::X * -0.35,
         rate_rad_s: DVec3::ZERO,
+        ..ContactConditions::default()
     };
     let bodies = initial_state(&system, &conditions, 0.02).bodies;
     let mut twin = FullTwin::new(system, bodies, 2e-4);

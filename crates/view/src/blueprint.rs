@@ -147,6 +147,8 @@ pub(crate) struct Look {
     pub(crate) face_on: Eye,
     /// Whether two runs are shown.
     pub(crate) compared: bool,
+    /// Whether figures of fidelity come at the end.
+    pub(crate) with_rig: bool,
 }
 
 /// A whole layout.
@@ -171,6 +173,11 @@ pub(crate) fn docking(look: &Look) -> Layout {
     );
     let table = if look.compared {
         tabs(vec![text("Contacts of A", paths::TABLE), text("Contacts of B", paths::GHOST_TABLE)])
+    } else if look.with_rig {
+        tabs(vec![
+            text("Contacts", paths::TABLE),
+            text("Against the simulated system", paths::FIDELITY),
+        ])
     } else {
         text("Contacts", paths::TABLE)
     };

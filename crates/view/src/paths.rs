@@ -46,6 +46,8 @@ pub(crate) const GAP_PASSIVE: &str = "petal_gap/passive";
 pub(crate) const LATCH_STATES: &str = "latch_state";
 pub(crate) const EVENTS: &str = "events";
 pub(crate) const TABLE: &str = "contact_table";
+/// How near a run against a rig came to the simulated system.
+pub(crate) const FIDELITY: &str = "fidelity";
 /// Table of the run that is drawn as a ghost.
 pub(crate) const GHOST_TABLE: &str = "ghost_contact_table";
 

@@ -42,6 +42,8 @@ pub struct SceneModel<'a> {
     pub target: &'a Spacecraft,
     /// The mechanism.
     pub mechanism: &'a DockingMechanism,
+    /// Whether it is a run against a rig, which is compared with the simulated system.
+    pub with_rig: bool,
 }
 
 /// One instant of a run. About 100 frames a second are plenty, and one for every tick in which a
@@ -291,6 +293,7 @@ struct Rows {
     labels: Labels,
     face_labels: Labels,
     table: Texts,
+    fidelity: Texts,
     events: Texts,
     curves: [Curves; CURVES.len()],
 }
@@ -462,7 +465,8 @@ impl SceneWriter {
     ) -> Result<Self, ViewError> {
         let m = scene.mechanism;
         let compared = part == Part::First;
-        let look = blueprint::Look { eye: Eye::new(m), face_on: Eye::face_on(m), compared };
+        let (eye, face_on) = (Eye::new(m), Eye::face_on(m));
+        let look = blueprint::Look { eye, face_on, compared, with_rig: scene.with_rig };
         blueprint::send(&rec, &blueprint::docking(&look))
             .map_err(|e| ViewError::encode("blueprint", e))?;
         scene::log_static(&rec, scene, compared).map_err(|e| ViewError::encode(paths::SCENE, e))?;
@@ -566,13 +570,17 @@ impl SceneWriter {
         l.between_moment.set(time, s.between_moment_nm);
     }
 
-    /// Records an event; `kind` is shown in a column of its own ("contact", "latch", "outcome").
+    /// Records an event; `kind` is shown in a column of its own ("contact", "latch", "outcome"). Figures of
+    /// `fidelity` also stand in a view of their own.
     ///
     /// # Errors
     /// [`ViewError::Frame`] when the time is beyond what the viewer can show (292 years).
     pub fn event(&mut self, time: SimTime, kind: &str, text: &str) -> Result<(), ViewError> {
         let nanos = self.nanos(time).map_err(|p| frame_error(time, vec![p]))?;
         self.last = self.last.max(nanos);
+        if kind == "fidelity" && self.part != Part::Ghost {
+            self.rows.fidelity.push(nanos, "", as_list(text));
+        }
         self.rows.events.push(nanos, kind, format!("{}{text}", self.part.prefix()));
         Ok(())
     }
@@ -796,6 +804,7 @@ impl SceneWriter {
         rows.labels.send(rec, &at(paths::LABELS))?;
         rows.face_labels.send(rec, &at(paths::FACE_LABELS))?;
         rows.table.send_markdown(rec, &at(paths::TABLE))?;
+        rows.fidelity.send_markdown(rec, paths::FIDELITY)?;
         rows.events.send_log(rec, &at(paths::EVENTS))?;
         for (curve, path) in core::iter::zip(&mut rows.curves, CURVES) {
             curve.send(rec, &at(path))?;
@@ -809,6 +818,13 @@ impl Drop for SceneWriter {
         // After `finish` nothing is left. Otherwise there is nobody to tell.
         let _ = self.send();
     }
+}
+
+/// `what: a; b` as a heading and a list.
+fn as_list(text: &str) -> String {
+    let (what, all) = text.split_once(": ").unwrap_or(("", text));
+    let lines: Vec<String> = all.split("; ").map(|l| format!("- {l}")).collect();
+    format!("**{what}**\n\n{}\n", lines.join("\n"))
 }
 
 impl Trace {

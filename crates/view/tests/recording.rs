@@ -84,6 +84,7 @@ impl Rig {
             chaser: &self.chaser,
             target: &self.target,
             mechanism: &self.mechanism,
+            with_rig: true,
         }
     }
 
@@ -183,6 +184,8 @@ fn invariant_peaks_and_trace_are_those_of_ticks_between_frames() {
     let scalars = Scalars { between_force_n: 2345.0, ..Scalars::default() };
     writer.frame(&frame(0, &[], &Scalars::default())).expect("recorded");
     writer.tick(&frame(1_000_000, &[CONTACT], &scalars)).expect("taken in");
+    let figures = "against the simulated system: felt peak 1.006; hardware peak 0.993";
+    writer.event(SimTime::from_nanos(10_000_000), "fidelity", figures).expect("recorded");
     writer.frame(&frame(20_000_000, &[], &Scalars::default())).expect("recorded");
     writer.finish().expect("closed");
     let entities = read(&path);
@@ -196,6 +199,12 @@ fn invariant_peaks_and_trace_are_those_of_ticks_between_frames() {
         .expect("a table");
     assert!(last.contains("1.90 kN | 0.001 s"), "{last}");
     assert!(last.contains("peak 2.35 kN at 0.001 s"), "{last}");
+    let told = entities["/fidelity"]
+        .iter()
+        .flat_map(|c| c.iter_slices::<String>(text.component).map(|t| t[0].to_string()).last())
+        .last()
+        .expect("the figures");
+    assert!(told.contains("- felt peak 1.006\n- hardware peak 0.993"), "{told}");
 }
 
 /// The gate runs this file with the feature `live` and without it.

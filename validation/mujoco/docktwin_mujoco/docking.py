@@ -94,6 +94,7 @@ def parameters(scene: Scene, step_s: float, every: int) -> np.ndarray:
         L = m.latches
         P[k.LATCHES] = 1.0
         P[k.AZIMUTH : k.AZIMUTH + 3] = L.azimuths_rad
+        P[k.PASSIVE_AXES] = {"active": 0.0, "passive": 1.0}[L.axes]
         P[k.APPROACH : k.APPROACH + 8] = [
             L.approach_gap_m, L.strike_gap_m, L.catch_gap_m, L.radial_zone_m, L.tangential_zone_m,
             L.hold_stiffness_n_m, L.joined_stiffness_n_m, L.joined_damping_n_s_m,

@@ -43,6 +43,8 @@ N_UP, UP, N_DOWN, DOWN, BRANCH, C_BEFORE, C_AFTER, DRY, TRAVEL_N, TRAVEL_P, STOP
 BASE_JOINTS, RING_JOINTS, COUPLING = 500, 520, 540
 THRUSTS, THRUST, THRUST_SIZE, MOST_THRUSTS = 599, 600, 12, 8
 STEP, START, EVERY, CONTACT_OFF = 700, 701, 702, 703
+# 1.0: latches measure and pull in the axes of the passive ring.
+PASSIVE_AXES = 704
 P_SIZE = 720
 
 # -- memory ------------------------------------------------------------------------------------
@@ -433,13 +435,29 @@ def beyond_travel(P, r3, p3):
 
 @njit(cache=True)
 def striker(P, i, r, p):
-    """Striker i in the active ring's frame and its gap: axial, radial, tangential."""
+    """Striker i in the active ring's frame and its gap: axial, radial, tangential, in the axes of the
+    latches."""
     a = P[AZIMUTH + i]
     c, s = math.cos(a), math.sin(a)
     latch = (P[TUBE_A], P[RING_A] * c, P[RING_A] * s)
     at = add(turn(r, (P[TUBE_B], -latch[1], latch[2])), p)
     g = sub(at, latch)
+    if P[PASSIVE_AXES] != 0.0:
+        b = back(r, g)
+        g = (-b[0], -b[1], b[2])
     return at, (g[0], g[1] * c + g[2] * s, g[2] * c - g[1] * s)
+
+
+@njit(cache=True)
+def pull(P, i, at, r):
+    """Where latch i pulls and along what, in the active ring's frame. The energy of a pull is a function of
+    the axial gap; with axes that turn with the passive ring its gradient acts at the latch, else at the
+    striker."""
+    if P[PASSIVE_AXES] == 0.0:
+        return at, (1.0, 0.0, 0.0)
+    a = P[AZIMUTH + i]
+    latch = (P[TUBE_A], P[RING_A] * math.cos(a), P[RING_A] * math.sin(a))
+    return latch, turn(r, (-1.0, 0.0, 0.0))
 
 
 @njit(cache=True)
@@ -581,9 +599,10 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
             for i in range(3):
                 at, gap = striker(P, i, r_ab, p_ab)
                 if S[PHASE + i] == 3.0:
-                    f = (-P[HOLD] * max(gap[0] - P[CATCH], 0.0), 0.0, 0.0)
+                    where, axis = pull(P, i, at, r_ab)
+                    f = mul(axis, -P[HOLD] * max(gap[0] - P[CATCH], 0.0))
                     put3(latch[i], 0, f)
-                    force, moment = add(force, f), add(moment, cross(at, f))
+                    force, moment = add(force, f), add(moment, cross(where, f))
             if first:
                 for i in range(3):
                     advance(P, S, i, striker(P, i, r_ab, p_ab)[1], time)

@@ -90,6 +90,7 @@ class Latches:
     """As `[latches]` of a mechanism file."""
 
     azimuths_rad: tuple
+    axes: str
     approach_gap_m: float
     strike_gap_m: float
     catch_gap_m: float
@@ -280,9 +281,10 @@ def _attenuation(table: dict, kind: str | None) -> Attenuation | None:
 def _latches(table: dict | None) -> Latches | None:
     if table is None:
         return None
-    names = [f.name for f in dataclasses.fields(Latches) if f.name != "azimuths_rad"]
+    names = [f.name for f in dataclasses.fields(Latches) if f.name not in ("azimuths_rad", "axes")]
     return Latches(
         tuple(math.radians(a) for a in _get(table, "azimuths_deg")),
+        table.get("axes", "active"),
         **{n: float(_get(table, n)) for n in names},
     )
 

@@ -4,13 +4,12 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use docktwin_report::study::fidelity as report;
-use docktwin_run::HilOptions;
-use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
+use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_study::fidelity::{Cause, budget, on_rig};
 use serde_json::json;
 
 use crate::{
-    args::{compensator, not_negative},
+    args::OnRigArgs,
     failure::{Failure, OTHERWISE},
     inputs::overrides,
     results::{Bars, Results},
@@ -51,24 +50,8 @@ pub(crate) struct FidelityArgs {
     /// Take these causes away, `all` or names as in fidelity.json, repeatable
     #[arg(long, value_name = "CAUSE", value_parser = causes, conflicts_with = "budget")]
     without: Vec<Causes>,
-    /// Override a key of every scenario, repeatable
-    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
-    set: Vec<String>,
-    /// Against the delay of the rig [default: as the scenario says, or lead]
-    #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES)]
-    compensator: Option<CompensatorChoice>,
-    /// Lead, ms [default: as the scenario says, or the delay that the rig's file lets one believe]
-    #[arg(long, value_name = "MS", value_parser = not_negative)]
-    lead_ms: Option<f64>,
-    /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
-    #[arg(long, value_name = "RIG.toml")]
-    model: Option<PathBuf>,
-    /// Seed of the noise
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Draw the rig within the spread of its file by this seed
-    #[arg(long, value_name = "SEED")]
-    perturb: Option<u64>,
+    #[command(flatten)]
+    on_rig: OnRigArgs,
     /// Directory of the results; by default a new one under `analysis`.
     #[arg(long, value_name = "DIR", help = "Directory [default: analysis/fidelity-<utc>]")]
     out: Option<PathBuf>,
@@ -91,7 +74,7 @@ fn causes(text: &str) -> Result<Causes, String> {
 /// In a budget the lead follows the delays that are left in the rig: a given one would be too long for them.
 fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failure> {
     let given = |s: &&Scenario| s.hil.lead_s.is_some();
-    let where_ = match (args.lead_ms, all.iter().find(given)) {
+    let where_ = match (args.on_rig.lead_ms, all.iter().find(given)) {
         (Some(_), _) => "--lead-ms".to_owned(),
         (None, Some(s)) => format!("loop.lead_s of {}", s.name),
         (None, None) => return Ok(()),
@@ -104,15 +87,8 @@ fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failur
 
 /// Runs the command.
 pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> {
-    let options = HilOptions {
-        compensator: args.compensator,
-        lead_s: args.lead_ms.map(|ms| ms * 1e-3),
-        model: args.model.clone(),
-        seed: args.seed,
-        perturb: args.perturb,
-        ..HilOptions::default()
-    };
-    let set = overrides(&args.set)?;
+    let options = args.on_rig.options();
+    let set = overrides(&args.on_rig.set)?;
     let all = args
         .scenarios
         .iter()

@@ -1,7 +1,7 @@
 //! Keys of the TOML beside each side of a docking mechanism.
 
 use super::{Group, Key, Need, Need::Required, SCHEMA, Shape, key, names, table, tables};
-use crate::mechanism::AttenuationChoice;
+use crate::mechanism::{AttenuationChoice, LatchAxes};
 use crate::toml_check::Range;
 
 /// Ranges of the contact law, shared with scenarios that override parts of it.
@@ -35,6 +35,7 @@ pub(crate) const NORMAL_LAWS: [(&str, bool); 2] =
 
 const NORMAL_LAW_NAMES: [&str; 2] = names(&NORMAL_LAWS);
 const ATTENUATION_NAMES: [&str; 3] = names(&AttenuationChoice::WORDS);
+const LATCH_AXES_NAMES: [&str; 2] = names(&LatchAxes::WORDS);
 
 const fn kind(word: &'static [&'static str], example: &'static str) -> Key {
     key(
@@ -653,8 +654,8 @@ const LATCHES: Group = Group {
         "latches",
         Need::Optional("without it nothing can be captured"),
         "Three capture latches on the active ring, and their strikers on the passive ring at the points \
-         that meet when docked. Gaps are those of a striker against its latch, in `r3`: axial along X, \
-         radial and tangential at the latch's azimuth.",
+         that meet when docked. Gaps are those of a striker against its latch, in the axes that `axes` names: \
+         axial along X, radial and tangential at the latch's azimuth.",
     )],
     keys: &[
         key(
@@ -662,10 +663,20 @@ const LATCHES: Group = Group {
             Shape::List(3, Range::within(-360.0, 360.0)),
             "[0.0, 120.0, 240.0]",
             "Azimuths of the latches in `r3`, from +Y toward +Z; 30° or more apart. A latch is a point of the active \
-             ring's face; its gaps to its striker on the passive ring are measured along X, radially and along the \
-             ring in the axes of the active ring, and it pulls along X of the active ring.",
+             ring's face; its striker is the point of the passive ring's face that it meets when docked.",
             "A latch must not stand where a petal of the passive side does when docked.",
         ),
+        key(
+            "axes",
+            Shape::Words(&LATCH_AXES_NAMES),
+            "\"active\"",
+            "In whose axes the gaps and the zone of a latch are measured, and along whose X it pulls: those of the \
+             active ring, `r3`, or those of the passive ring, with X from chaser to target. The pull acts at the \
+             point of the other ring: at the striker, or at the latch.",
+            "Where rings meet tilted, a gap in the axes of one is longer or shorter than in those of the other, by \
+             the tilt times the offset: it decides which latch catches first.",
+        )
+        .optional("`active`"),
         key(
             "approach_gap_m",
             Shape::Number(LENGTH),

@@ -139,6 +139,15 @@ impl Section<'_, '_, '_> {
         }
     }
 
+    /// As [`Self::choice`], of a key that may be absent.
+    pub(crate) fn optional_choice<T: Copy>(
+        self,
+        key: &'static str,
+        words: &[(&str, T)],
+    ) -> Option<T> {
+        self.has(key).then(|| self.choice(key, words)).flatten()
+    }
+
     /// What the table of keys says of a table.
     fn need(self, key: &'static str) -> Option<(Need, Option<usize>)> {
         self.kind.find_table(&self.table.key(key)).map(|h| (h.need, h.times))

@@ -68,6 +68,7 @@ impl Draws {
                 self.within(0.1),
             ),
             rate_rad_s: self.vector(1f64.to_radians()),
+            ..ContactConditions::default()
         }
     }
 

@@ -4,8 +4,8 @@
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose};
 use docktwin_model::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases, DockingMechanism,
-    LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody,
-    RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
+    LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve,
+    RingBody, RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
 };
 use docktwin_physics::{
     initial::{ContactConditions, initial_state},
@@ -130,6 +130,7 @@ pub fn apas() -> DockingMechanism {
         attenuator: Attenuator::Characteristic(attenuator()),
         stick: None,
         latches: Some(LatchSet {
+            axes: LatchAxes::Active,
             azimuths_rad: [0.0, third, 2.0 * third],
             approach_gap_m: 0.05,
             strike_gap_m: 0.005,
@@ -177,6 +178,7 @@ pub fn conditions(v: f64, dy: f64, dz: f64, euler_deg: [f64; 3]) -> ContactCondi
         lateral_m: DVec3::new(0.0, dy, dz),
         velocity_m_s: DVec3::new(-v, 0.0, 0.0),
         rate_rad_s: DVec3::ZERO,
+        ..ContactConditions::default()
     }
 }
 

@@ -82,6 +82,7 @@ impl Sums {
         let pushed = s.length() > PORT_CONTACT_N * window_s.max(tick_s());
         FidelityFigures {
             window_s: Some(window_s),
+            simulated_peak_force_n: Some(self.peak[0][1]),
             peak_force_ratio: ratio(0),
             peak_moment_ratio: ratio(1),
             nrms_force: nrms(0),

@@ -4,6 +4,7 @@ mod prepare;
 mod realtime;
 mod recorder;
 mod summary;
+mod verdict;
 
 use std::time::Instant as WallInstant;
 
@@ -16,7 +17,10 @@ use docktwin_record::Summary;
 use docktwin_rigport::rig::Rig;
 
 pub use self::prepare::{HilOptions, HilRun};
-pub(crate) use self::{prepare::kept_name, recorder::HilRecorder};
+pub(crate) use self::{
+    prepare::{kept_name, refuse_sag, rig_path},
+    recorder::HilRecorder,
+};
 use crate::{
     control::{Control, Situation},
     error::RunError,

@@ -18,7 +18,11 @@ use docktwin_hil::{
     scheduler::{Approach, Check, LoopSetup, RigParameters, TickRecord},
 };
 use docktwin_model::{HydraulicPreset, Rig as RigModel, SAG_REMEDY, load_rig_from, sag_refusal};
-use docktwin_physics::{body::BodyState, mechanism::System, programme::Programme};
+use docktwin_physics::{
+    body::BodyState,
+    mechanism::{CHASER, RING, System},
+    programme::Programme,
+};
 use docktwin_rigport::in_process::InProcess;
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
 
@@ -175,7 +179,7 @@ impl<'a> HilRun<'a> {
         options: HilOptions,
         change: impl FnOnce(&mut RigModel),
     ) -> Result<Self, RunError> {
-        let rig_path = rig_path(&options, scenario)?;
+        let rig_path = rig_path(options.model.as_deref(), scenario)?;
         let mut rig = load_rig_from(&scenario.sources, &rig_path)?.model;
         change(&mut rig);
         if rig.sensors.is_none() {
@@ -187,12 +191,7 @@ impl<'a> HilRun<'a> {
         let hil = &scenario.hil;
         let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
         let (system, bodies) = start(scenario)?;
-        if let Some(what) = sag_refusal(&rig, system.mechanism()) {
-            return Err(RunError::usage(
-                format!("{what}: {}", rig_path.with_extension("toml").display()),
-                SAG_REMEDY,
-            ));
-        }
+        refuse_sag(&rig, &system, &rig_path)?;
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);
@@ -413,8 +412,16 @@ fn period_s(scenario: &Scenario) -> Result<f64, RunError> {
     ))
 }
 
-fn rig_path(options: &HilOptions, scenario: &Scenario) -> Result<PathBuf, RunError> {
-    if let Some(path) = &options.model {
+/// A mechanism that would sag out of its travel stands on no rig.
+pub(crate) fn refuse_sag(rig: &RigModel, system: &System, path: &Path) -> Result<(), RunError> {
+    let Some(what) = sag_refusal(rig, system.mechanism()) else { return Ok(()) };
+    let what = format!("{what}: {}", path.with_extension("toml").display());
+    Err(RunError::usage(what, SAG_REMEDY))
+}
+
+/// The URDF of the rig: the one named, the scenario's, or the default one.
+pub(crate) fn rig_path(named: Option<&Path>, scenario: &Scenario) -> Result<PathBuf, RunError> {
+    if let Some(path) = named {
         return Ok(path.with_extension("urdf"));
     }
     let named = scenario.hil.rig.as_deref().unwrap_or(DEFAULT_RIG);
@@ -440,8 +447,10 @@ fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> 
             for (b, m) in back.iter_mut().zip(system.mass()) {
                 b.drift(m, -0.5 * time * f64::from(i) / 50.0);
             }
-            system.follow(&mut back);
-            !system.touches(&system.poses(&back.map(|b| b.pose())))
+            // A chaser that turns carries its ring.
+            let mut at = back.map(|b| b.pose());
+            at[RING] = at[CHASER] * system.ring_at_rest();
+            !system.touches(&system.poses(&at))
         })
     };
     while time > shortest && !free(time) {

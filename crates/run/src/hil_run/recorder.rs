@@ -6,13 +6,14 @@ use docktwin_control::safety::Trip;
 use docktwin_core::{SimTime, Tick};
 use docktwin_hil::scheduler::{Phase, TickRecord};
 use docktwin_physics::{mechanism::System, outcome::Judgement};
-use docktwin_record::{Outcome, Summary, Verdict};
-use docktwin_scenario::{ExpectedOutcome, Scenario};
+use docktwin_record::Summary;
+use docktwin_scenario::Scenario;
 
 use super::{
     Ended, HilRun, PERIOD_NS, PERIOD_S,
     prepare::see,
     summary::{loop_summary, milliseconds, safety_summary, step_summary},
+    verdict,
 };
 use crate::{
     control::{Control as _, Situation, TimedThrusts},
@@ -200,17 +201,14 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let last = self.ticks.saturating_sub(1);
         let time = self.time(last);
         let judgement = self.observer.monitor().judge(time.seconds());
-        let expect = self.scenario.expect.of_hil();
         let asked = Asked {
             scenario: &self.scenario.name,
-            expect: &expect,
+            expect: &self.scenario.expect,
             seed: self.seed,
             mass_kg: masses(self.scenario),
         };
         let state = self.watcher.state();
-        let mut summary = self.observer.summary(&asked, state, &judgement, last, time);
-        // Nothing tells where energy went on a rig: what is missing is what the mechanism took.
-        summary.energy_balance_error = f64::NAN;
+        let mut summary = self.observer.summary_with_rig(&asked, state, &judgement, last, time);
         summary.fidelity = Some(self.meter.fidelity());
         (summary, judgement)
     }
@@ -220,7 +218,8 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let last = self.ticks.saturating_sub(1);
         let time = self.time(last);
         let (mut summary, judgement) = self.judged();
-        self.judge_end(&mut summary, ended, self.scenario.expect.of_hil().outcome);
+        verdict::judge(&self.scenario.expect, &mut summary, &judgement, ended, self.dry_run);
+        self.tell_figures(&summary);
         summary.loop_ = Some(loop_summary(ended));
         summary.step_us = step_summary(ended);
         summary.safety = Some(safety_summary(ended));
@@ -253,30 +252,10 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         (summary, self.sink)
     }
 
-    /// How the loop itself ended goes before how the docking did.
-    fn judge_end(&self, summary: &mut Summary, ended: &Ended, expected: ExpectedOutcome) {
-        let stopped = ended.end.trip.is_some() || ended.broken.is_some();
-        if self.dry_run {
-            // There and back: whatever the scenario expects, nothing was to happen.
-            summary.verdict = if stopped { Verdict::Fail } else { Verdict::Pass };
-            summary.failure_reason = None;
-        } else if stopped {
-            summary.outcome = Outcome::Stopped;
-            let expected = expected == ExpectedOutcome::Stopped;
-            summary.verdict = if expected { Verdict::Pass } else { Verdict::Fail };
-            summary.failure_reason = None;
-        }
-        if let Some(trip) = ended.end.trip.filter(|_| summary.verdict == Verdict::Fail) {
-            summary.failure_reason = Some(format!(
-                "the supervisor stopped the rig in tick {}: {} was {:.4}, allowed {:.4}",
-                trip.tick,
-                trip.limit.name(),
-                trip.value,
-                trip.allowed
-            ));
-        }
-        if let Some(broken) = &ended.broken {
-            summary.failure_reason = Some(broken.clone());
-        }
+    /// Figures and warnings as events, so that they stand in the log and are seen in a viewer.
+    fn tell_figures(&mut self, summary: &Summary) {
+        let compared = summary.fidelity.filter(|f| f.peak_force_ratio.is_some());
+        self.events.extend(compared.map(|f| RunEvent::Fidelity(Box::new(f))));
+        self.events.extend(summary.warnings.iter().cloned().map(RunEvent::Warning));
     }
 }

@@ -363,44 +363,23 @@ pub fn compare(scenario: &str, engine: &EngineResult, sides: &[Side; 2]) -> Cros
 
 #[cfg(test)]
 mod tests {
-    use docktwin_record::{SUMMARY_SCHEMA, StepUs, Verdict};
+    use docktwin_record::Verdict;
 
     use super::*;
 
     fn summary(peak_force_n: f64, shift_s: f64) -> Summary {
         Summary {
-            schema_version: SUMMARY_SCHEMA,
-            tool_version: String::new(),
-            scenario: "s".to_owned(),
-            seed: 0,
-            state_digest: String::new(),
-            outcome: Outcome::Captured,
-            verdict: Verdict::Pass,
-            failure_reason: None,
             first_contact_s: Some(0.1 + shift_s),
-            capture_s: None,
             latches_s: vec![Some(0.5 + shift_s), None, Some(0.3 + shift_s)],
             peak_force_n,
             peak_moment_nm: 0.0,
             impulse_ns: 1.0,
-            net_impulse_ns: None,
             peak_penetration_m: 0.0,
-            mass_kg: None,
-            energy_in_j: f64::NAN,
-            energy_dissipated_j: f64::NAN,
-            energy_balance_error: f64::NAN,
-            momentum_error: f64::NAN,
             duration_s: 1.0,
             ticks: 1000,
             wall_s: 1.0,
             realtime_factor: 1.0,
-            step_us: StepUs::default(),
-            loop_: None,
-            fidelity: None,
-            safety: None,
-            recording: None,
-            record_digest: None,
-            summary_digest: None,
+            ..Summary::new("s", Outcome::Captured, Verdict::Pass)
         }
     }
 

@@ -5,7 +5,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-use docktwin_record::{Outcome, SUMMARY_SCHEMA, StepUs, Summary, Verdict};
+use docktwin_record::{Outcome, Summary, Verdict};
 use docktwin_scenario::{ExpectedOutcome, Measured, Scenario};
 use serde::{Deserialize, Serialize};
 
@@ -237,20 +237,15 @@ pub fn engine_summary(scenario: &Scenario, r: &EngineResult) -> Summary {
         outcome,
         first_contact_s: r.first_contact_s,
         capture_s: r.capture_s,
+        duration_s: r.end_s,
         peak_force_n: r.peak_force_n,
         peak_moment_nm: r.peak_moment_nm,
         peak_penetration_m: r.peak_penetration_m,
         impulse_ns: r.impulse_ns,
         exit_speed_m_s: None,
     });
+    let verdict = if failures.is_empty() { Verdict::Pass } else { Verdict::Fail };
     Summary {
-        schema_version: SUMMARY_SCHEMA,
-        tool_version: env!("CARGO_PKG_VERSION").to_owned(),
-        scenario: scenario.name.clone(),
-        seed: 0,
-        state_digest: String::new(),
-        outcome: r.outcome,
-        verdict: if failures.is_empty() { Verdict::Pass } else { Verdict::Fail },
         failure_reason: (!failures.is_empty()).then(|| failures.join("; ")),
         first_contact_s: r.first_contact_s,
         capture_s: r.capture_s,
@@ -258,24 +253,13 @@ pub fn engine_summary(scenario: &Scenario, r: &EngineResult) -> Summary {
         peak_force_n: r.peak_force_n,
         peak_moment_nm: r.peak_moment_nm,
         impulse_ns: r.impulse_ns,
-        net_impulse_ns: None,
         peak_penetration_m: r.peak_penetration_m,
-        mass_kg: None,
-        energy_in_j: f64::NAN,
-        energy_dissipated_j: f64::NAN,
-        energy_balance_error: f64::NAN,
-        momentum_error: f64::NAN,
         duration_s: r.end_s,
         ticks: r.ticks,
         wall_s: r.wall_s,
         realtime_factor: r.end_s / r.wall_s.max(1e-9),
-        step_us: StepUs::default(),
-        loop_: None,
-        fidelity: None,
-        safety: None,
-        recording: None,
-        record_digest: None,
-        summary_digest: None,
+        not_judged: scenario.expect.not_judged_without_rig(),
+        ..Summary::new(&scenario.name, r.outcome, verdict)
     }
 }
 

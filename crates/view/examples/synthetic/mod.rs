@@ -4,8 +4,8 @@
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose, SimTime};
 use docktwin_model::{
     Attenuator, AxisChannel, ContactLaw, DampingPhases, DifferentialAttenuator, DockingMechanism,
-    LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody,
-    RingGeometry, SideGeometry, Spacecraft,
+    LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve,
+    RingBody, RingGeometry, SideGeometry, Spacecraft,
 };
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
 
@@ -101,6 +101,7 @@ pub(crate) fn mechanism() -> DockingMechanism {
             damping_ramp_s: 0.5,
         }),
         latches: Some(LatchSet {
+            axes: LatchAxes::Active,
             azimuths_rad: [30f64, 150.0, 270.0].map(f64::to_radians),
             approach_gap_m: 0.05,
             strike_gap_m: 0.01,
@@ -169,7 +170,13 @@ fn petal_points(g: &PetalGeometry, i: u32) -> Vec<DVec3> {
 #[expect(clippy::too_many_lines, reason = "one recording, told from its begin to its end")]
 pub(crate) fn write(path: &std::path::Path, end_s: f64) -> Result<Vec<f64>, ViewError> {
     let (chaser, target, m) = (chaser(), target(), mechanism());
-    let scene = SceneModel { scenario: "made_up", chaser: &chaser, target: &target, mechanism: &m };
+    let scene = SceneModel {
+        scenario: "made_up",
+        chaser: &chaser,
+        target: &target,
+        mechanism: &m,
+        with_rig: false,
+    };
     let names = pair_names();
     let mut spent_s = Vec::new();
     let start = std::time::Instant::now();
