@@ -96,6 +96,13 @@ fn invariant_every_key_is_read_and_none_beside() {
         }
     }
     assert!(files >= 20, "{files}");
+    let foreign = models().with_file_name("foreign");
+    for entry in fs::read_dir(foreign).expect("models of other structures") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            take(&model_check(&path), &path.to_string_lossy());
+        }
+    }
     let other = Apas::with(OTHER_LAW);
     take(&other.check(), "the other normal law");
     let brakes = brakes();

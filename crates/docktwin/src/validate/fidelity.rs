@@ -6,11 +6,15 @@ use clap::Args;
 use docktwin_report::study::fidelity as report;
 use docktwin_run::HilOptions;
 use docktwin_scenario::{CompensatorChoice, Scenario, load_scenario};
-use docktwin_study::fidelity::{budget, on_rig};
+use docktwin_study::fidelity::{
+    budget,
+    draws::{DrawOptions, Draws, draws},
+    on_rig,
+};
 use serde_json::json;
 
 use crate::{
-    args::{compensator, not_negative},
+    args::{RigMechanismArgs, compensator, not_negative},
     failure::{Failure, OTHERWISE},
     inputs::overrides,
     results::{Bars, Results},
@@ -27,12 +31,20 @@ any: weight of the ring, single-sensor scheme, noise, dead zone and lag of the s
 and friction of the legs, lag of the valves. What a cause adds by either way differs where causes
 interact. That makes 18 runs a scenario.
 
-The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv.
+With --draws the rig's mechanism is drawn N times within [spread] of its file, mounts included, and
+compared with the simulated system that has the drawn mechanism: outcomes, and the distribution of
+every figure. Draws whose simulated outcome a shift of the initial position by 50 um turns are named
+and left out. That makes five rehearsals and a run on the rig a draw, on all cores.
+
+The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv, with
+--draws fidelity-draws.csv (one row a draw) and fidelity-distribution.csv.
 
 Examples:
   docktwin validate fidelity scenarios/apas_nominal.toml scenarios/apas_fast.toml
   docktwin validate fidelity scenarios/apas_fast.toml --budget
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
+  docktwin validate fidelity scenarios/apas_fast.toml --draws 100 --mechanism-grade coarse
+  docktwin validate fidelity scenarios/apas_*.toml --rig-mechanism models/foreign/apas_hertz_active.toml
 
 Exit codes: 0 every run came to its end; 1 the supervisor stopped one; 2 bad input.";
 
@@ -45,6 +57,10 @@ pub(crate) struct FidelityArgs {
     /// Take one cause of deviation after the other away
     #[arg(long)]
     budget: bool,
+    /// Draw the rig's mechanism so many times, from 1 on
+    #[arg(long, value_name = "N", conflicts_with = "budget",
+        value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    draws: Option<u32>,
     /// Override a key of every scenario, repeatable
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     set: Vec<String>,
@@ -63,6 +79,8 @@ pub(crate) struct FidelityArgs {
     /// Draw the rig within the spread of its file by this seed
     #[arg(long, value_name = "SEED")]
     perturb: Option<u64>,
+    #[command(flatten)]
+    mechanism: RigMechanismArgs,
     /// Directory of the results; by default a new one under `analysis`.
     #[arg(long, value_name = "DIR", help = "Directory [default: analysis/fidelity-<utc>]")]
     out: Option<PathBuf>,
@@ -84,12 +102,17 @@ fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failur
 
 /// Runs the command.
 pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> {
+    let mechanism = match args.draws {
+        Some(_) => args.mechanism.of_draws()?,
+        None => args.mechanism.options()?,
+    };
     let options = HilOptions {
         compensator: args.compensator,
         lead_s: args.lead_ms.map(|ms| ms * 1e-3),
         model: args.model.clone(),
         seed: args.seed,
         perturb: args.perturb,
+        mechanism,
         ..HilOptions::default()
     };
     let set = overrides(&args.set)?;
@@ -109,6 +132,16 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
         let words: String = budgets.iter().map(report::budget_words).collect();
         let code = results.finish("fidelity", &json!({ "budgets": budgets }), &words, json)?;
         let stopped = budgets.iter().any(|b| b.stopped().next().is_some());
+        return Ok(if stopped { ExitCode::from(OTHERWISE) } else { code });
+    }
+    if let Some(n) = args.draws {
+        let asked = DrawOptions { draws: n, grade: args.mechanism.grade() };
+        let of = |scenario| draws(scenario, &options, asked, &mut Bars::new(json));
+        let found = all.iter().map(of).collect::<Result<Vec<Draws>, _>>()?;
+        results.tables(report::draw_tables(&found))?;
+        let words: String = found.iter().map(report::draw_words).collect();
+        let code = results.finish("fidelity", &report::draws_json(&found), &words, json)?;
+        let stopped = found.iter().any(|d| d.stopped().next().is_some());
         return Ok(if stopped { ExitCode::from(OTHERWISE) } else { code });
     }
     let mut found = Vec::new();

@@ -172,6 +172,11 @@ impl Key {
     const fn only(self, condition: &'static str) -> Self {
         Self { need: Need::Where(condition), ..self }
     }
+
+    /// The same, which may be left out; `otherwise` says what then holds.
+    const fn optional(self, otherwise: &'static str) -> Self {
+        Self { need: Need::Optional(otherwise), ..self }
+    }
 }
 
 /// One table of a file.

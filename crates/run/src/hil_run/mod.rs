@@ -16,7 +16,10 @@ use docktwin_record::Summary;
 use docktwin_rigport::rig::Rig;
 
 pub use self::prepare::{HilOptions, HilRun};
-pub(crate) use self::{prepare::kept_name, recorder::HilRecorder};
+pub(crate) use self::{
+    prepare::{MECHANISM_DIGEST, kept_mechanism, kept_name},
+    recorder::HilRecorder,
+};
 use crate::{
     control::{Control, Situation},
     error::RunError,
