@@ -207,7 +207,8 @@ fn oracle_a_run_with_another_mechanism_on_the_rig_replays_by_its_record() {
         ..HilOptions::default()
     };
     let run = HilRun::new(&scenario, options).expect("a rig");
-    let stiffness = run.drawn().iter().find(|d| d.name == "contact_stiffness").expect("drawn").value;
+    let stiffness =
+        run.drawn().iter().find(|d| d.name == "contact_stiffness").expect("drawn").value;
     let rig = run.emulated().expect("a rig");
     let _ = run.run(rig, &mut RunDirectory::new(&dir)).expect("room");
     let metadata = RunReader::open(&dir).expect("a recording").metadata().clone();

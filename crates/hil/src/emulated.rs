@@ -211,7 +211,8 @@ impl<P: RigPlant> EmulatedRig<P> {
         twist: &Twist,
         acceleration: &Twist,
     ) -> [Pair; 3] {
-        let at_b = Carried::on_plate(x_bp, &carried.x_pb, carried.gravity_m_s2, twist, acceleration);
+        let at_b =
+            Carried::on_plate(x_bp, &carried.x_pb, carried.gravity_m_s2, twist, acceleration);
         let pair = |w: Wrench| [w.f, w.m];
         let on_a = carried.on_a + ring;
         [pair(on_a), pair(carried.on_b.wrench(&at_b)), at_b.feels()]

@@ -23,10 +23,12 @@ fn mounts() -> [Pose; 2] {
 #[test]
 fn oracle_the_true_pose_is_that_of_the_mounts() {
     let stand = Stand::new(None);
-    let believed = Pose::new(DVec3::new(0.75, 0.02, -0.03), DQuat::from_scaled_axis(DVec3::Y * 0.05));
+    let believed =
+        Pose::new(DVec3::new(0.75, 0.02, -0.03), DQuat::from_scaled_axis(DVec3::Y * 0.05));
     let [e3, e4] = mounts();
     let article = Article { system: free_stick(), mounts: Some([e3, e4]) };
-    let rig = EmulatedRig::new(&stand.rig, stand.preset, None, 1, article, &believed).expect("a rig");
+    let rig =
+        EmulatedRig::new(&stand.rig, stand.preset, None, 1, article, &believed).expect("a rig");
     let (found, expected) = (rig.x_34(), e3.inverse() * believed * e4);
     assert!((found.p - expected.p).length() < 1e-9, "{found:?} {expected:?}");
     assert!(found.q.angle_between(expected.q) < 1e-7, "{found:?} {expected:?}");

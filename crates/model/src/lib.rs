@@ -56,9 +56,9 @@ pub use load_rig::{load_rig, load_rig_from};
 pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};
 pub use mechanism::{
     AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
-    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, MechanismSpread,
-    NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry,
-    SeriesBrake, SideGeometry, Stick,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits,
+    MechanismSpread, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody,
+    RingGeometry, SeriesBrake, SideGeometry, Stick,
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{

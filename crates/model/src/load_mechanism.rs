@@ -10,9 +10,9 @@ use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::urdf::{self, UrdfTree};
 use crate::{
     AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
-    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits, MechanismSpread,
-    NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry,
-    Stick,
+    DampingPhases, DifferentialAttenuator, DockingMechanism, LatchSet, MechanismLimits,
+    MechanismSpread, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody,
+    RingGeometry, SeriesBrake, SideGeometry, Stick,
 };
 
 /// Reads both sides of a docking mechanism, each a URDF with a TOML of the same name beside it.

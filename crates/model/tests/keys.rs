@@ -64,7 +64,7 @@ const OTHER_LAW: &[(&str, &str)] = &[
     ("damping_s_m = {", "# {"),
 ];
 
-/// A brake in every channel that has none in the shipped files.
+/// A brake in every channel that has none in the shipped files, and a play in a coordinate of the differentials.
 fn brakes() -> Vec<(String, String)> {
     let channels = [
         ("lateral", "force_n", "viscous_n_s_m"),
@@ -77,7 +77,10 @@ fn brakes() -> Vec<(String, String)> {
         let body = format!("{head}series_brake = {{ {force} = {number}, {viscous} = {number} }}\n");
         (head, body)
     };
-    channels.map(brake).into()
+    let head = "[[attenuation.differential.channels]]\n".to_owned();
+    let play = "backlash = { width_m = { value = 0.001, assumed = \"a test\" } }\n";
+    let with_play = (head.clone(), format!("{head}{play}"));
+    channels.map(brake).into_iter().chain([with_play]).collect()
 }
 
 #[test]

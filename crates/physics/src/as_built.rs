@@ -143,9 +143,11 @@ pub fn draw(m: &DockingMechanism, draw: MechanismDraw) -> Option<AsBuilt> {
     };
     let mut d = Drawing { number: draw.number, drawn: Vec::new() };
     let mut out = m.clone();
-    let stiffness = d.factor(Kind::Contact, 0, spread.contact_stiffness, "contact_stiffness".into());
+    let stiffness =
+        d.factor(Kind::Contact, 0, spread.contact_stiffness, "contact_stiffness".into());
     match &mut out.contact.normal {
-        NormalLaw::HuntCrossley { stiffness: k, .. } | NormalLaw::KelvinVoigt { stiffness: k, .. } => {
+        NormalLaw::HuntCrossley { stiffness: k, .. }
+        | NormalLaw::KelvinVoigt { stiffness: k, .. } => {
             *k *= stiffness;
         }
     }
@@ -165,8 +167,7 @@ pub fn draw(m: &DockingMechanism, draw: MechanismDraw) -> Option<AsBuilt> {
         }
     }
     for (i, (name, channel)) in channels(&mut out.attenuator).into_iter().enumerate() {
-        let factor =
-            d.factor(Kind::Curves, i, spread.attenuator_curves, format!("curves_{name}"));
+        let factor = d.factor(Kind::Curves, i, spread.attenuator_curves, format!("curves_{name}"));
         scale(&mut channel.loading, factor);
         scale(&mut channel.unloading, factor);
         if let Some(b) = &mut channel.series_brake {
@@ -219,7 +220,8 @@ fn place_parts(m: &mut DockingMechanism, d: &mut Drawing, half_width_m: f64) {
 fn mounts(d: &mut Drawing, half_width_m: f64, radius_m: f64) -> [Pose; 2] {
     let mut out = [Pose::IDENTITY; 2];
     for (i, (mount, name)) in out.iter_mut().zip(["e3", "e4"]).enumerate() {
-        let p = d.place((Kind::Mounts, 2 * i), half_width_m, &format!("mount_{name}"), ["x", "y", "z"]);
+        let p =
+            d.place((Kind::Mounts, 2 * i), half_width_m, &format!("mount_{name}"), ["x", "y", "z"]);
         let mut draws = d.draws(Kind::Mounts, 2 * i + 1);
         let turn = [0.0; 3].map(|_: f64| half_width_m / radius_m * draws.uniform());
         for (axis, value) in ["x", "y", "z"].into_iter().zip(turn) {

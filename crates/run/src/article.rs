@@ -80,11 +80,7 @@ impl RigMechanism {
 /// The bodies of `believed` in a system with another mechanism: the same spacecraft where they are, the ring at
 /// rest in its attenuator.
 #[must_use]
-pub fn bodies_with(
-    believed: &System,
-    system: &System,
-    bodies: &[BodyState; 3],
-) -> [BodyState; 3] {
+pub fn bodies_with(believed: &System, system: &System, bodies: &[BodyState; 3]) -> [BodyState; 3] {
     let mut out = *bodies;
     let chaser = &bodies[CHASER];
     let twist = chaser.twist(&believed.mass()[CHASER]);

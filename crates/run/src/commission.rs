@@ -145,12 +145,14 @@ impl Stand {
     /// The rig's file lacks what an emulation needs.
     pub fn emulated(&self, at: &Pose) -> Result<EmulatedRig, RunError> {
         let article = self.article.clone();
-        EmulatedRig::new(&self.rig, self.preset, self.perturb, self.seed, article, at).map_err(|e| {
-            RunError::usage(
-                e.to_string(),
-                "mend the rig's file; models/urdf/stewart.toml is an example",
-            )
-        })
+        EmulatedRig::new(&self.rig, self.preset, self.perturb, self.seed, article, at).map_err(
+            |e| {
+                RunError::usage(
+                    e.to_string(),
+                    "mend the rig's file; models/urdf/stewart.toml is an example",
+                )
+            },
+        )
     }
 
     fn believed(&self) -> RigSetup {

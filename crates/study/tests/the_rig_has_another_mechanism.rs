@@ -39,20 +39,20 @@ fn peak(on: &OnRig) -> f64 {
     on.hardware(on.window()).peak_force_ratio.expect("a docking")
 }
 
-/// A rig without any cause of deviation is its own simulated system, whatever mechanism it has; that system's
-/// peak is another one than the believed mechanism's, so that the wrong reference would show.
+/// A rig without any cause of deviation is its own simulated system, whatever mechanism it has. What is left of its
+/// peak (0.3 % of the believed mechanism here, by the step of the rig) is far below what the system with the
+/// believed mechanism differs by, so that the wrong reference would show.
 #[test]
 fn oracle_an_ideal_rig_is_the_simulated_system_with_its_mechanism() {
     let scenario = fast(2.5);
     let believed = simulated(&scenario, with(None, None)).peak_force_n;
-    for (options, apart) in [(with(Some("stiff"), None), 0.05), (with(None, Some(2)), 0.02)] {
+    for options in [with(Some("stiff"), None), with(None, Some(4))] {
         let own = simulated(&scenario, options.clone()).peak_force_n;
-        assert!((own / believed - 1.0).abs() > apart, "{own} {believed}: the reference would not show");
+        let apart = (own / believed - 1.0).abs();
         let on = on_rig(&scenario, &options, &Cause::ALL).expect("a run");
-        assert!(on.stopped.is_none(), "{on:?}");
-        assert!((peak(&on) - 1.0).abs() < 0.006, "{}: {on:?}", peak(&on));
-        let force = on.hardware(on.window()).nrms_force.expect("a docking");
-        assert!(force < 0.03, "{force}");
+        assert!(on.stopped.is_none() && on.outcome == Outcome::Captured, "{on:?}");
+        let off = (peak(&on) - 1.0).abs();
+        assert!(apart > 0.03 && off < 0.2 * apart, "{options:?}: {off} of {apart}");
     }
 }
 
@@ -88,7 +88,8 @@ fn regress_draws_are_those_of_their_numbers_and_have_figures() {
 /// A mechanism without a spread cannot be drawn, and the remedy is told.
 #[test]
 fn regress_without_a_spread_nothing_is_drawn() {
-    let scenario = Loader::new().load(&root().join("scenarios/vibro_impact.toml")).expect("shipped");
+    let scenario =
+        Loader::new().load(&root().join("scenarios/vibro_impact.toml")).expect("shipped");
     let told = HilRun::new(&scenario, with(None, Some(1))).err().expect("a stick has no spread");
     assert!(told.to_string().contains("no table [spread]"), "{told}");
     assert!(told.remedy().contains("models/urdf/apas_active.toml"));

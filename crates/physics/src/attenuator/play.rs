@@ -117,8 +117,7 @@ pub(super) fn element(
         }
     }
     let after = Held::at(c, &next, x);
-    let lost_w =
-        -force * v - before.slope_n(c) * v + (before.stored_j(c) - after.stored_j(c)) / h;
+    let lost_w = -force * v - before.slope_n(c) * v + (before.stored_j(c) - after.stored_j(c)) / h;
     let (_, branch) = spring(c, X * after.elongation);
     Element { force: ChannelForce { force: DVec3::X * force, lost_w, next }, branch }
 }

@@ -4,8 +4,8 @@
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose};
 use docktwin_model::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases, DockingMechanism,
-    LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody,
-    RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
+    LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve,
+    RingBody, RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
 };
 use docktwin_physics::{
     initial::{ContactConditions, initial_state},

@@ -84,7 +84,8 @@ pub fn draws_json(all: &[Draws]) -> serde_json::Value {
     let of = |d: &Draws| {
         let distributions: serde_json::Map<String, serde_json::Value> =
             FIGURES.iter().map(|f| (f.name.to_owned(), json!(d.distribution(f)))).collect();
-        let numbers = |all: &mut dyn Iterator<Item = &Draw>| all.map(|x| x.number).collect::<Vec<_>>();
+        let numbers =
+            |all: &mut dyn Iterator<Item = &Draw>| all.map(|x| x.number).collect::<Vec<_>>();
         json!({
             "scenario": d.scenario,
             "grade": d.grade,
@@ -147,8 +148,5 @@ pub fn draw_tables(all: &[Draws]) -> Vec<NamedText> {
             );
         }
     }
-    vec![
-        ("fidelity-draws.csv".to_owned(), rows),
-        ("fidelity-distribution.csv".to_owned(), figures),
-    ]
+    vec![("fidelity-draws.csv".to_owned(), rows), ("fidelity-distribution.csv".to_owned(), figures)]
 }
