@@ -44,7 +44,8 @@ Examples:
   docktwin validate fidelity scenarios/apas_fast.toml --budget
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
   docktwin validate fidelity scenarios/apas_fast.toml --draws 100 --mechanism-grade coarse
-  docktwin validate fidelity scenarios/apas_*.toml --rig-mechanism models/foreign/apas_hertz_active.toml
+  docktwin validate fidelity scenarios/apas_fast.toml \\
+      --rig-mechanism models/foreign/apas_hertz_active.toml
 
 Exit codes: 0 every run came to its end; 1 the supervisor stopped one; 2 bad input.";
 

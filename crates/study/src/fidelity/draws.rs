@@ -111,7 +111,9 @@ fn latch_s(r: &OnRig, of: fn(&OnRig) -> Option<docktwin_record::FidelityOf>) -> 
 }
 
 /// Every figure of which the distribution is taken.
-pub const FIGURES: [DrawFigure; 19] = [
+pub const FIGURES: [DrawFigure; 20] = [
+    // Both comparisons are laid over each other at first contact: where mounts move it, waveforms are shifted.
+    difference("first_contact_difference_s", |r, _| r.fidelity.first_contact_difference_s),
     ratio("felt_peak_force_ratio", |r, w| r.felt(w).peak_force_ratio),
     ratio("felt_peak_moment_ratio", |r, w| r.felt(w).peak_moment_ratio),
     difference("felt_nrms_force", |r, w| r.felt(w).nrms_force),

@@ -8,7 +8,8 @@ use serde_json::json;
 use crate::study::NamedText;
 
 /// What is told of a scenario: figures of the acceptance, the rest stands in the tables.
-const TOLD: [&str; 8] = [
+const TOLD: [&str; 9] = [
+    "first_contact_difference_s",
     "felt_peak_force_ratio",
     "felt_nrms_force",
     "felt_nrms_pose",
