@@ -8,10 +8,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use docktwin_physics::as_built::{Grade, MechanismDraw};
 use docktwin_record::{RunReader, files, read_summary};
 use docktwin_run::{
-    HilOptions, HilRun, Rehearsal, RehearsalOptions, Replay, Replayed, RunDirectory, RunError,
-    TwinKind,
+    HilOptions, HilRun, Rehearsal, RehearsalOptions, Replay, Replayed, RigMechanism, RunDirectory,
+    RunError, TwinKind,
 };
 use docktwin_scenario::Loader;
 use mcap_rewrite::{Rewrite, rewrite, scale};
@@ -189,4 +190,37 @@ fn oracle_a_run_against_an_emulated_rig_is_identical_with_its_figures() {
     let found = replay(&dir).expect("replayable");
     assert!(found.identical() && found.cut.is_none(), "{found:?}");
     assert!(found.figures > 15 && found.signals > 150, "{found:?}");
+}
+
+/// A drawn mechanism, and another one: the record holds what it takes to be run again, and what was drawn.
+#[test]
+fn oracle_a_run_with_another_mechanism_on_the_rig_replays_by_its_record() {
+    let at = tempfile::tempdir().expect("a folder");
+    let dir = at.path().join("run");
+    let loader = Loader::new().set("run.duration_s", 0.6).set("initial.gap_m", 0.01);
+    let scenario = loader.load(&root().join("scenarios/apas_fast.toml")).expect("a scenario");
+    let options = HilOptions {
+        mechanism: RigMechanism {
+            file: Some(root().join("models/foreign/apas_backlash_active.toml")),
+            draw: Some(MechanismDraw { number: 5, grade: Grade::Coarse }),
+        },
+        ..HilOptions::default()
+    };
+    let run = HilRun::new(&scenario, options).expect("a rig");
+    let stiffness =
+        run.drawn().iter().find(|d| d.name == "contact_stiffness").expect("drawn").value;
+    let rig = run.emulated().expect("a rig");
+    let _ = run.run(rig, &mut RunDirectory::new(&dir)).expect("room");
+    let metadata = RunReader::open(&dir).expect("a recording").metadata().clone();
+    let of = |key: &str| metadata.get(key).map(String::as_str);
+    assert_eq!((of("mechanism_draw"), of("mechanism_grade")), (Some("5"), Some("coarse")));
+    assert_eq!(of("drawn:contact_stiffness"), Some(stiffness.to_string().as_str()));
+    let found = replay(&dir).expect("replayable");
+    assert!(found.identical() && found.cut.is_none(), "{found:?}");
+    // Another mechanism beside the log is noticed.
+    let kept = dir.join("models/rig-mechanism/active.toml");
+    let text = fs::read_to_string(&kept).expect("kept");
+    fs::write(&kept, text.replacen("value = 0.001,", "value = 0.002,", 1)).expect("room");
+    let told = replay(&dir).expect_err("another mechanism").to_string();
+    assert!(told.contains("mechanism"), "{told}");
 }

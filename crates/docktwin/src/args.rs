@@ -4,12 +4,17 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use docktwin_model::HydraulicPreset;
-use docktwin_physics::bench::Axis;
+use docktwin_physics::{
+    as_built::{Grade, MechanismDraw},
+    bench::Axis,
+};
 use docktwin_run::{
-    HilOptions, TwinKind,
+    HilOptions, RigMechanism, TwinKind,
     rig_place::{ClockKind, RealtimeOptions},
 };
 use docktwin_scenario::CompensatorChoice;
+
+use crate::failure::Failure;
 
 pub(crate) fn compensator(text: &str) -> Result<CompensatorChoice, String> {
     let words = CompensatorChoice::WORDS;
@@ -48,17 +53,25 @@ pub(crate) struct OnRigArgs {
     /// Draw the emulated rig within the spread of its file; the loop still believes the file
     #[arg(long, value_name = "SEED")]
     pub(crate) perturb: Option<u64>,
+    #[command(flatten)]
+    pub(crate) mechanism: RigMechanismArgs,
 }
 
 impl OnRigArgs {
     /// The options of a run that they give.
-    pub(crate) fn options(&self) -> HilOptions {
+    pub(crate) fn options(&self) -> Result<HilOptions, Failure> {
+        Ok(self.options_with(self.mechanism.options()?))
+    }
+
+    /// The same with this mechanism on the rig.
+    pub(crate) fn options_with(&self, mechanism: RigMechanism) -> HilOptions {
         HilOptions {
             compensator: self.compensator,
             lead_s: self.lead_ms.map(|ms| ms * 1e-3),
             model: self.model.clone(),
             seed: self.seed,
             perturb: self.perturb,
+            mechanism,
             ..HilOptions::default()
         }
     }
@@ -110,6 +123,67 @@ pub(crate) struct RealtimeArgs {
 impl RealtimeArgs {
     pub(crate) const fn options(&self) -> RealtimeOptions {
         RealtimeOptions { best_effort: self.allow_best_effort, core: self.core }
+    }
+}
+
+/// How well the parts of a drawn mechanism are aligned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GradeArg {
+    /// Within `spread.position_fine_m` of its file
+    Fine,
+    /// Within `spread.position_coarse_m`
+    Coarse,
+}
+
+/// The mechanism that the rig has; the loop believes that of the scenario.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct RigMechanismArgs {
+    /// The rig has another mechanism: TOML of its active side, models/foreign has examples
+    #[arg(long, value_name = "MECHANISM.toml")]
+    rig_mechanism: Option<PathBuf>,
+    /// Draw the rig's mechanism within the spread of its file by this number; 0 is the file itself
+    #[arg(long, value_name = "N")]
+    mechanism_draw: Option<u64>,
+    /// How well petals, latches and mounts of a drawn mechanism are aligned [default: fine]
+    #[arg(long, value_enum)]
+    mechanism_grade: Option<GradeArg>,
+}
+
+impl RigMechanismArgs {
+    /// How well parts are aligned.
+    pub(crate) fn grade(&self) -> Grade {
+        match self.mechanism_grade {
+            Some(GradeArg::Coarse) => Grade::Coarse,
+            Some(GradeArg::Fine) | None => Grade::Fine,
+        }
+    }
+
+    /// The options of a run.
+    pub(crate) fn options(&self) -> Result<RigMechanism, Failure> {
+        let draw = self
+            .mechanism_draw
+            .filter(|number| *number > 0)
+            .map(|number| MechanismDraw { number, grade: self.grade() });
+        if draw.is_none() && self.mechanism_grade.is_some() {
+            return Err(Failure::Usage {
+                what: "--mechanism-grade says how a drawn mechanism is aligned, and none is drawn"
+                    .to_owned(),
+                remedy: "give --mechanism-draw N with N from 1 on, or leave the grade out"
+                    .to_owned(),
+            });
+        }
+        Ok(RigMechanism { file: self.rig_mechanism.clone(), draw })
+    }
+
+    /// The options of many draws.
+    pub(crate) fn of_draws(&self) -> Result<RigMechanism, Failure> {
+        if self.mechanism_draw.is_some() {
+            return Err(Failure::Usage {
+                what: "--draws draws mechanisms 1 to N, --mechanism-draw one".to_owned(),
+                remedy: "leave one of them out".to_owned(),
+            });
+        }
+        Ok(RigMechanism { file: self.rig_mechanism.clone(), draw: None })
     }
 }
 

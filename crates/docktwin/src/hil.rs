@@ -40,6 +40,11 @@ the run-up along the free flight to the initial condition; then the loop is clos
 recorded begins there. A limit passed anywhere stops the rig (exit code 3, unless the scenario
 expects it). --dry-run goes there and back, slowly, without closing the loop.
 
+The loop believes the scenario's mechanism. The rig has it too, or, with --mechanism-draw, one drawn
+within [spread] of its file (mounts included), or, with --rig-mechanism, another one; the run is
+compared with the simulated system that has the rig's. Behind `ipc:` these options say what the rig
+has, for the comparison alone.
+
 The run directory is that of `rehearse`, with columns of loop, legs and sensors beside it, and
 `loop`, `fidelity` (against the same docking without a rig) and `safety` in summary.json. The
 verdict is that of the scenario's `expect`: how the run ends, [expect.hil] and [[expect.fidelity]].
@@ -49,6 +54,9 @@ Examples:
   docktwin hil scenarios/apas_nominal.toml --rig emulated
   docktwin hil scenarios/vibro_impact.toml --rig emulated --compensator none
   docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --lead-ms 1.8 --out runs/p7
+  docktwin hil scenarios/apas_fast.toml --rig emulated --mechanism-draw 3 --mechanism-grade coarse
+  docktwin hil scenarios/apas_fast.toml --rig emulated \\
+      --rig-mechanism models/foreign/apas_backlash_active.toml
   docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7 --out p7.toml
   docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --identification p7.toml
   docktwin rig emulate models/urdf/stewart.toml --name lab &
@@ -93,7 +101,7 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
     if !json {
         scenario.notes.iter().for_each(|n| eprintln!("{} {n}", n.word()));
     }
-    let options = args.options();
+    let options = args.options()?;
     let (word, what) =
         if options.repeats() { ("replay", "Replay it") } else { ("report", "Read about it") };
     let prepared = HilRun::new(&scenario, options)?;
@@ -181,15 +189,15 @@ impl At<'_> {
 }
 
 impl HilArgs {
-    fn options(&self) -> HilOptions {
-        HilOptions {
+    fn options(&self) -> Result<HilOptions, Failure> {
+        Ok(HilOptions {
             place: self.rig.clone(),
             clock: self.led.clock.kind(),
             identification: self.identification.clone(),
             calibration: self.calibration.clone(),
             dry_run: self.dry_run,
-            ..self.on_rig.options()
-        }
+            ..self.on_rig.options()?
+        })
     }
 }
 

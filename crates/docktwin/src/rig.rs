@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use docktwin_run::rig_place::RigPlace;
 
 use crate::{
-    args::{AxisArg, LedArgs, PresetArg, RealtimeArgs},
+    args::{AxisArg, LedArgs, PresetArg, RealtimeArgs, RigMechanismArgs},
     failure::Failure,
 };
 
@@ -117,6 +117,8 @@ struct BuiltArgs {
     /// Draw the emulated rig within the spread of its file; controllers still believe the file
     #[arg(long, value_name = "SEED")]
     perturb: Option<u64>,
+    #[command(flatten)]
+    mechanism: RigMechanismArgs,
     /// Oil volume [default: as the rig's file says]
     #[arg(long, value_enum)]
     preset: Option<PresetArg>,

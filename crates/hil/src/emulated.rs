@@ -2,7 +2,7 @@
 //! the sensors: a model of a physical rig with the same commands.
 //!
 //! With a seed it is a rig as built, drawn within the spread of its file; the loop still believes the
-//! file. Everything is a function of the seed and the commands, so two runs are the same bit by bit.
+//! file. So may be the mechanism on it, and where it is mounted ([`Article`]). Everything is a function of the seed and the commands, so two runs are the same bit by bit.
 
 use docktwin_control::{
     feedforward::{self, Feedforward, LegCommand, PlateMotion},
@@ -13,7 +13,7 @@ use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
 use docktwin_model::{HydraulicPreset, Rig, RigSensors, SixAxisSensor};
 use docktwin_physics::{
     mechanism::{LatchPhase, RING, System},
-    mounted::{Carried, Mounted, Payload},
+    mounted::{Article, Carried, Mounted, Payload},
     platform::Platform,
     rig::{ReducedRig, RigPlant},
     sensor::{Noise, Pair, Sensor, SensorParameters, quantised},
@@ -83,6 +83,8 @@ struct OnSensors {
     on_a: Wrench,
     /// What sensor B carries.
     on_b: Payload,
+    /// Sensor B in the plate.
+    x_pb: Pose,
 }
 
 /// An emulated rig.
@@ -91,6 +93,9 @@ pub struct EmulatedRig<P = ReducedRig> {
     closed: ClosedRig<P>,
     feedforward: Feedforward,
     rig: Rig,
+    /// The rig with its mounting planes where they stand.
+    standing: Rig,
+    article: Article,
     mounted: Mounted,
     touched: bool,
     sensors: [Sensor; 2],
@@ -107,8 +112,8 @@ pub struct EmulatedRig<P = ReducedRig> {
 }
 
 impl EmulatedRig {
-    /// The reduced rig of a file with the mechanism of a system between rack and plate, at rest at
-    /// `x_34`. With `built` it is drawn with that seed; `seed` is that of the noise.
+    /// The reduced rig of a file with an article between rack and plate, a mechanism as the system has it or
+    /// as built, at rest at `x_34`. With `built` the rig is drawn with that seed; `seed` is that of the noise.
     ///
     /// # Errors
     /// See [`EmulationError`].
@@ -117,13 +122,13 @@ impl EmulatedRig {
         preset: HydraulicPreset,
         built: Option<u64>,
         seed: u64,
-        system: System,
+        article: impl Into<Article>,
         x_34: &Pose,
     ) -> Result<Self, EmulationError> {
         let setup = RigSetup::of_rig(rig, preset, built);
         let x_bp = rig.plate_from_docking(x_34);
         let closed = ClosedRig::new(&setup, &x_bp)?;
-        Self::with_rig(closed, &setup, rig, built, seed, system)
+        Self::with_rig(closed, &setup, rig, built, seed, article)
     }
 }
 
@@ -138,8 +143,10 @@ impl<P: RigPlant> EmulatedRig<P> {
         rig: &Rig,
         built: Option<u64>,
         seed: u64,
-        system: System,
+        article: impl Into<Article>,
     ) -> Result<Self, EmulationError> {
+        let article = article.into();
+        let (system, standing) = (article.system.clone(), article.on(rig));
         let model = rig.sensors.ok_or(EmulationError::Sensors)?;
         let step_s = closed.plant().step_s();
         let x_bp = closed.state().x_bp;
@@ -162,10 +169,12 @@ impl<P: RigPlant> EmulatedRig<P> {
             gravity_m_s2: rig.gravity_m_s2,
             on_a: on_rack.wrench(&level),
             on_b: Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
+            x_pb: rig.x_4p.inverse(),
         };
-        let mounted = Mounted::new(system, rig, step_s);
+        let mounted = Mounted::new(system, &standing, step_s);
         let still = Twist::default();
-        let carries = Self::on_sensors(&carried, &mounted, &x_bp, &still, &still);
+        let weight = article.at_seat(0, mounted.ring_weight());
+        let carries = Self::on_sensors(&carried, weight, &x_bp, &still, &still);
         let sensor = |i: usize, file: SixAxisSensor, noise: u64| {
             let as_built = built.map_or_else(
                 || SensorParameters::of_file(file),
@@ -176,6 +185,8 @@ impl<P: RigPlant> EmulatedRig<P> {
         Ok(Self {
             feedforward: setup.feedforward(),
             rig: rig.clone(),
+            standing,
+            article,
             touched: false,
             sensors: [sensor(0, model.force, 0), sensor(1, model.force, 1)],
             accelerometer: model.accelerometer.map(|file| sensor(2, file, 3)),
@@ -192,18 +203,18 @@ impl<P: RigPlant> EmulatedRig<P> {
     }
 
     /// Wrenches of weight and inertia on sensors A and B, and what accelerometers beside B measure;
-    /// acceleration of the origin of `ep`, in `eb`.
+    /// acceleration of the origin of `ep`, in `eb`. `ring` is the weight of the ring on A.
     fn on_sensors(
         carried: &OnSensors,
-        mounted: &Mounted,
+        ring: Wrench,
         x_bp: &Pose,
         twist: &Twist,
         acceleration: &Twist,
     ) -> [Pair; 3] {
-        let x_p4 = mounted.passive_mount();
-        let at_b = Carried::on_plate(x_bp, &x_p4, carried.gravity_m_s2, twist, acceleration);
+        let at_b =
+            Carried::on_plate(x_bp, &carried.x_pb, carried.gravity_m_s2, twist, acceleration);
         let pair = |w: Wrench| [w.f, w.m];
-        let on_a = carried.on_a + mounted.ring_weight();
+        let on_a = carried.on_a + ring;
         [pair(on_a), pair(carried.on_b.wrench(&at_b)), at_b.feels()]
     }
 
@@ -236,7 +247,7 @@ impl<P: RigPlant> EmulatedRig<P> {
     /// `X_34` as it really is.
     #[must_use]
     pub fn x_34(&self) -> Pose {
-        self.rig.docking_from_plate(&self.closed.state().x_bp)
+        self.standing.docking_from_plate(&self.closed.state().x_bp)
     }
 
     /// Command of a motion of its own, known to the moment.
@@ -339,7 +350,7 @@ impl<P: RigPlant> EmulatedRig<P> {
                 &held
             }
         };
-        let Self { closed, mounted, sensors, accelerometer, carried, middle, .. } = self;
+        let Self { closed, article, mounted, sensors, accelerometer, carried, middle, .. } = self;
         let step_s = closed.plant().step_s();
         let done = closed.tick(command, |x_bp, twist| {
             let (on_plate, ports) = mounted.advance(x_bp, twist);
@@ -349,9 +360,11 @@ impl<P: RigPlant> EmulatedRig<P> {
             let (new, old) = (slope(twist, &middle[0]), slope(&middle[0], &middle[1]));
             let acceleration = Twist { v: new.v * 1.5 - old.v * 0.5, w: new.w * 1.5 - old.w * 0.5 };
             *middle = [*twist, middle[0]];
+            let weight = article.at_seat(0, mounted.ring_weight());
             let [a, b, accelerations] =
-                Self::on_sensors(carried, mounted, x_bp, twist, &acceleration);
-            let [at_3, at_4] = [ports.port3, ports.port4];
+                Self::on_sensors(carried, weight, x_bp, twist, &acceleration);
+            let at_3 = article.at_seat(0, ports.port3);
+            let at_4 = article.at_seat(1, ports.port4);
             sensors[0].step([at_3.f + a[0], at_3.m + a[1]]);
             sensors[1].step([at_4.f + b[0], at_4.m + b[1]]);
             if let Some(s) = accelerometer {

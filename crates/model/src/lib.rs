@@ -49,14 +49,16 @@ mod urdf;
 
 pub use check::{Report, model_check, model_check_with};
 pub use keys::contact_ranges;
-pub use load_mechanism::{MatedFit, load_mechanism, load_mechanism_from, mated_fit};
+pub use load_mechanism::{
+    MatedFit, load_mechanism, load_mechanism_from, load_other_active_from, mated_fit,
+};
 pub use load_rig::{load_rig, load_rig_from};
 pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};
 pub use mechanism::{
     AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
     DampingPhases, DifferentialAttenuator, DockingMechanism, LatchAxes, LatchSet, MechanismLimits,
-    NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake,
-    SideGeometry, Stick,
+    MechanismSpread, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody,
+    RingGeometry, SeriesBrake, SideGeometry, Stick,
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{

@@ -11,8 +11,8 @@ use crate::urdf::{self, UrdfTree};
 use crate::{
     AttenuationChoice, Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw,
     DampingPhases, DifferentialAttenuator, DockingMechanism, LatchAxes, LatchSet, MechanismLimits,
-    NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve, RingBody, RingGeometry, SeriesBrake,
-    SideGeometry, Stick,
+    MechanismSpread, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry, PiecewiseCurve, RingBody,
+    RingGeometry, SeriesBrake, SideGeometry, Stick,
 };
 
 /// Reads both sides of a docking mechanism, each a URDF with a TOML of the same name beside it.
@@ -45,6 +45,29 @@ pub fn load_mechanism_from(
     out.finish(model)
 }
 
+/// Reads another active side for a mechanism whose passive side stands: what a rig may carry instead of the
+/// mechanism of a scenario. Meshes that its URDF names are not looked at.
+///
+/// # Errors
+/// All problems of both files, and those between the sides.
+pub fn load_other_active_from(
+    sources: &Sources,
+    active_urdf: &Path,
+    of: &DockingMechanism,
+) -> Result<Loaded<DockingMechanism>, ModelErrors> {
+    let mut out = Findings::from(sources);
+    let active = read_active(&active_urdf.with_extension("urdf"), false, &mut out);
+    let passive = PassiveSide {
+        name: of.name.clone(),
+        geometry: of.passive.clone(),
+        toml: active_urdf.with_extension("toml"),
+        clean: true,
+        ring_offset_m: of.passive_ring_offset_m,
+    };
+    let model = active.and_then(|a| join(a, passive, None, &mut out));
+    out.finish(model)
+}
+
 /// The active side as read, with every attenuator of its file.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveSide {
@@ -63,6 +86,7 @@ pub(crate) struct ActiveSide {
     stick: Option<Stick>,
     limits: MechanismLimits,
     outcome: OutcomeRules,
+    spread: Option<MechanismSpread>,
 }
 
 /// The passive side as read.
@@ -100,6 +124,7 @@ pub(crate) fn read_active(
             settled_rate_rad_s: o.number("settled_rate_deg_s").to_radians(),
             jam_time_s: o.number("jam_time_s"),
         });
+        let spread = t.optional_section("spread", read_spread);
         ActiveSide {
             name: String::new(),
             geometry,
@@ -115,6 +140,7 @@ pub(crate) fn read_active(
             stick,
             limits,
             outcome,
+            spread,
         }
     });
     let clean = checker.is_clean();
@@ -371,6 +397,7 @@ fn read_attenuation(t: Section<'_, '_, '_>, ring_rest_offset_m: f64) -> Attenuat
 
 /// Keys of a channel: the same in metres and newtons, or in degrees, radians and newton metres.
 struct ChannelKeys {
+    backlash: Option<&'static str>,
     loading: &'static str,
     unloading: &'static str,
     branch_change: &'static str,
@@ -388,6 +415,7 @@ struct ChannelKeys {
 }
 
 const TRANSLATION: ChannelKeys = ChannelKeys {
+    backlash: Some("width_m"),
     loading: "loading_n_over_m",
     unloading: "unloading_n_over_m",
     branch_change: "branch_change_m",
@@ -404,6 +432,7 @@ const TRANSLATION: ChannelKeys = ChannelKeys {
 };
 
 const ROTATION: ChannelKeys = ChannelKeys {
+    backlash: None,
     loading: "loading_nm_over_rad",
     unloading: "unloading_nm_over_rad",
     branch_change: "branch_change_deg",
@@ -432,6 +461,7 @@ fn read_channel(t: Section<'_, '_, '_>, k: &ChannelKeys) -> AxisChannel {
             force: b.number(k.brake_force),
             viscous: b.number(k.brake_viscous),
         }),
+        backlash: read_backlash(t, k),
         dry_friction: t.number(k.dry),
         travel_negative: k.to_si * t.number(k.negative),
         travel_positive: k.to_si * t.number(k.positive),
@@ -476,6 +506,15 @@ fn read_curve(t: Section<'_, '_, '_>, key: &'static str) -> PiecewiseCurve {
         }
     }
     PiecewiseCurve { points }
+}
+
+/// Play of a channel of one coordinate; the others have no such table.
+fn read_backlash(t: Section<'_, '_, '_>, k: &ChannelKeys) -> f64 {
+    let Some(key) = k.backlash else { return 0.0 };
+    if !t.knows("backlash") {
+        return 0.0;
+    }
+    t.optional_section("backlash", |b| b.number(key)).unwrap_or(0.0)
 }
 
 /// First deflection at which one curve lies above another, looking at the corners of both and at
@@ -583,6 +622,7 @@ fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {
         approach_gap_m: t.number("approach_gap_m"),
         strike_gap_m: t.number("strike_gap_m"),
         catch_gap_m: t.number("catch_gap_m"),
+        catch_delay_s: t.optional_number("catch_delay_s").unwrap_or(0.0),
         radial_zone_m: t.number("radial_zone_m"),
         tangential_zone_m: t.number("tangential_zone_m"),
         hold_stiffness_n_m: t.number("hold_stiffness_n_m"),
@@ -605,6 +645,27 @@ fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {
         }
     }
     set
+}
+
+fn read_spread(t: Section<'_, '_, '_>) -> MechanismSpread {
+    let spread = MechanismSpread {
+        contact_stiffness: t.number("contact_stiffness"),
+        friction: t.number("friction"),
+        petal_rigidity: t.number("petal_rigidity"),
+        attenuator_curves: t.number("attenuator_curves"),
+        brake: t.number("brake"),
+        ring_mass: t.number("ring_mass"),
+        position_fine_m: t.number("position_fine_m"),
+        position_coarse_m: t.number("position_coarse_m"),
+    };
+    if spread.position_coarse_m < spread.position_fine_m {
+        t.refuse(
+            "position_coarse_m",
+            format!("is below the fine grade, {} m", spread.position_fine_m),
+            "make it at least as large",
+        );
+    }
+    spread
 }
 
 fn read_limits(t: Section<'_, '_, '_>) -> MechanismLimits {
@@ -1014,6 +1075,8 @@ pub(crate) fn join(
         stick: active.stick,
         limits: active.limits,
         outcome: active.outcome,
+        spread: active.spread,
+        offsets: PartOffsets::default(),
         digest: out.digest(),
     })
 }

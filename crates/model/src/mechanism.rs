@@ -36,8 +36,45 @@ pub struct DockingMechanism {
     pub limits: MechanismLimits,
     /// Thresholds of the outcomes.
     pub outcome: OutcomeRules,
+    /// How far a mechanism as built may differ from these files; `None` where they do not say.
+    pub spread: Option<MechanismSpread>,
+    /// How far parts stand off the places above: nothing as read, drawn for a mechanism as built.
+    pub offsets: PartOffsets,
     /// Digest of every file this was read from.
     pub digest: Digest,
+}
+
+/// Half-widths within which a mechanism as built is drawn away from its files, each uniformly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MechanismSpread {
+    /// Of the contact stiffness, relative.
+    pub contact_stiffness: f64,
+    /// Of both friction coefficients of the contact together, relative.
+    pub friction: f64,
+    /// Of the flexural rigidity of the petals, each side by itself, relative.
+    pub petal_rigidity: f64,
+    /// Of the forces of the attenuator's curves, each channel by itself, relative.
+    pub attenuator_curves: f64,
+    /// Of the holding force of every series brake, relative.
+    pub brake: f64,
+    /// Of mass and inertia of the active ring together, relative.
+    pub ring_mass: f64,
+    /// Of the places of petals, latches and mounts along each axis, well aligned, m.
+    pub position_fine_m: f64,
+    /// The same, coarsely aligned, m.
+    pub position_coarse_m: f64,
+}
+
+/// How far parts stand off the places that the files give them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PartOffsets {
+    /// Of every petal of the active side, each along X of its ring frame, radially outward and along the ring
+    /// (toward growing azimuth), m; none where it is shorter than the petals are many.
+    pub active_petals_m: Vec<DVec3>,
+    /// The same of the passive side.
+    pub passive_petals_m: Vec<DVec3>,
+    /// Of every latch against its striker, in the same axes of `r3`, m.
+    pub latches_m: [DVec3; 3],
 }
 
 impl DockingMechanism {
@@ -241,6 +278,9 @@ pub struct AxisChannel {
     pub damping: DampingPhases,
     /// Brake in series with the tables and the damping, if any.
     pub series_brake: Option<SeriesBrake>,
+    /// Width of the play between the ring and tables, damping and brake; 0 for none. Dry friction and end
+    /// stops act beside it. Channels of one coordinate alone have it: along X3, and those of differentials.
+    pub backlash: f64,
     /// Dry friction beside everything else.
     pub dry_friction: f64,
     /// Travel in the negative direction (compression), ≥ 0.
@@ -324,6 +364,8 @@ pub struct LatchSet {
     pub strike_gap_m: f64,
     /// It catches at or below this axial gap, m.
     pub catch_gap_m: f64,
+    /// So long the striker must have stayed within the catch gap and the zones before it catches, s.
+    pub catch_delay_s: f64,
     /// Radial zone, ± m.
     pub radial_zone_m: f64,
     /// Tangential zone, ± m.

@@ -56,6 +56,15 @@ pub struct Rig {
     pub digest: Digest,
 }
 
+impl Rig {
+    /// The same rig with its mechanisms mounted elsewhere: `e3` and `e4` as they stand, seen from where this
+    /// file has them.
+    #[must_use]
+    pub fn mounted(&self, [e3, e4]: &[Pose; 2]) -> Self {
+        Self { x_03: self.x_03 * *e3, x_4p: e4.inverse() * self.x_4p, ..self.clone() }
+    }
+}
+
 /// A rigid body seen from a stated frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidMass {

@@ -134,10 +134,15 @@ fn of_channel(name: String, unit: &'static str, c: &AxisChannel, load: f64) -> S
         channel: name,
         unit,
         load: size,
-        sag: if slips { f64::INFINITY } else { deflection(c, size) },
+        sag: if slips { f64::INFINITY } else { deflection(c, size) + play_taken(c, size) },
         travel: if load < 0.0 { c.travel_negative } else { c.travel_positive },
         brake,
     }
+}
+
+/// A load takes half of the play.
+fn play_taken(c: &AxisChannel, load: f64) -> f64 {
+    if load > 0.0 { 0.5 * c.backlash } else { 0.0 }
 }
 
 /// Deflection at which the mean of both branches holds a load: linear between the points, with the last

@@ -100,6 +100,49 @@ fn regress_apas_is_the_published_set() {
     );
 }
 
+/// Every file of `models/foreign` is the default mechanism but for the one thing that it says.
+#[test]
+fn invariant_foreign_mechanisms_differ_in_one_thing() {
+    type Edit = fn(&mut DockingMechanism);
+    fn axial(m: &mut DockingMechanism) -> &mut AxisChannel {
+        let Attenuator::Characteristic(a) = &mut m.attenuator else { panic!("by tables") };
+        &mut a.axial
+    }
+    let edits: [(&str, Edit); 6] = [
+        ("hertz", |m| {
+            m.contact.normal =
+                NormalLaw::HuntCrossley { stiffness: 2e7, exponent: 1.5, damping_s_m: 1.0 };
+        }),
+        ("kelvin_voigt", |m| {
+            m.contact.normal = NormalLaw::KelvinVoigt { stiffness: 1e6, damping_n_s_m: 2000.0 };
+        }),
+        ("differential", |m| {
+            m.attenuator = mechanism("apas", Some(AttenuationChoice::Differential)).attenuator;
+        }),
+        ("backlash", |m| axial(m).backlash = 1e-3),
+        ("stiff", |m| {
+            axial(m).loading.points[1][1] *= 2.0;
+            axial(m).unloading.points[1][1] *= 2.0;
+        }),
+        ("late_latch", |m| m.latches.as_mut().expect("latches").catch_delay_s = 0.02),
+    ];
+    let folder = models().with_file_name("foreign");
+    let files = std::fs::read_dir(&folder).expect("a folder").count();
+    assert_eq!(files, 2 * edits.len(), "a file of models/foreign has no row here");
+    for (name, edit) in edits {
+        let of = mechanism("apas", None);
+        let path = folder.join(format!("apas_{name}_active.toml"));
+        let found = load_other_active_from(&Sources::disk(), &path, &of);
+        let found = found.unwrap_or_else(|e| panic!("{name}: {e}")).model;
+        let mut expected = of.clone();
+        edit(&mut expected);
+        expected.digest = found.digest;
+        assert_eq!(found, expected, "{name}");
+        let plain = DockingMechanism { digest: found.digest, ..of };
+        assert_ne!(found, plain, "{name}");
+    }
+}
+
 /// Cases C6 and C12: what is ignored may be wrong, a mesh is a mesh of this model, and a remedy mends.
 #[test]
 fn regress_meshes_are_of_the_model_and_ignored_elements_may_be_wrong() {
@@ -576,6 +619,31 @@ const BAD: &[(&str, &str, &str, &str)] = &[
         "below the catch gap",
     ),
     ("apas_active.toml", "[0.0, 120.0, 240.0]", "[0.0, 10.0, 240.0]", "apart"),
+    (
+        "apas_active.toml",
+        "catch_gap_m = {",
+        "catch_delay_s = { value = -1.0, assumed = \"a test\" }\ncatch_gap_m = {",
+        "≥ 0 and ≤ 10",
+    ),
+    (
+        "apas_active.toml",
+        "[attenuation.characteristic.axial]",
+        "[attenuation.characteristic.axial]\nbacklash = { width_m = { value = 0.0, assumed = \"a test\" } }",
+        "> 0 and ≤ 0.1",
+    ),
+    (
+        "apas_active.toml",
+        "[attenuation.characteristic.lateral]",
+        "[attenuation.characteristic.lateral]\nbacklash = { width_m = { value = 0.001, assumed = \"a test\" } }",
+        "lateral.backlash",
+    ),
+    ("apas_active.toml", "friction = { value = 0.5", "friction = { value = 1.5", "≥ 0 and ≤ 0.9"),
+    (
+        "apas_active.toml",
+        "position_coarse_m = { value = 0.001",
+        "position_coarse_m = { value = 0.0001",
+        "below the fine grade",
+    ),
     (
         "apas_active.toml",
         "[0.0, 120.0, 240.0]",

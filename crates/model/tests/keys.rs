@@ -64,7 +64,7 @@ const OTHER_LAW: &[(&str, &str)] = &[
     ("damping_s_m = {", "# {"),
 ];
 
-/// A brake in every channel that has none in the shipped files.
+/// A brake in every channel that has none in the shipped files, and a play in a coordinate of the differentials.
 fn brakes() -> Vec<(String, String)> {
     let channels = [
         ("lateral", "force_n", "viscous_n_s_m"),
@@ -77,7 +77,10 @@ fn brakes() -> Vec<(String, String)> {
         let body = format!("{head}series_brake = {{ {force} = {number}, {viscous} = {number} }}\n");
         (head, body)
     };
-    channels.map(brake).into()
+    let head = "[[attenuation.differential.channels]]\n".to_owned();
+    let play = "backlash = { width_m = { value = 0.001, assumed = \"a test\" } }\n";
+    let with_play = (head.clone(), format!("{head}{play}"));
+    channels.map(brake).into_iter().chain([with_play]).collect()
 }
 
 #[test]
@@ -96,6 +99,13 @@ fn invariant_every_key_is_read_and_none_beside() {
         }
     }
     assert!(files >= 20, "{files}");
+    let foreign = models().with_file_name("foreign");
+    for entry in fs::read_dir(foreign).expect("models of other structures") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            take(&model_check(&path), &path.to_string_lossy());
+        }
+    }
     let other = Apas::with(OTHER_LAW);
     take(&other.check(), "the other normal law");
     let brakes = brakes();

@@ -4,6 +4,9 @@
 //! the ring centre and on the chaser, opposite, at the same point, so momentum is conserved
 //! whatever the deflection. Rotations are measured by the rotation vector ψ; its rate is
 //! ψ' = J⁻¹(ψ) ω, so a moment that derives from V(ψ) is −J⁻ᵀ ∂V/∂ψ.
+//!
+//! Tables, damping and brake of a channel are one element; with play ([`play`]) the ring finds it only
+//! after the width of the play.
 
 use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench, skew};
 use docktwin_model::{
@@ -11,6 +14,8 @@ use docktwin_model::{
 };
 
 use crate::contact::law::bristle;
+
+mod play;
 
 /// Over this far into a stop its damping grows to its full value, m or rad.
 const STOP_ENGAGEMENT: f64 = 1e-3;
@@ -41,6 +46,8 @@ struct ChannelState {
     slip: DVec3,
     /// Bristle of the dry friction and of the branches.
     dry: DVec3,
+    /// The element's loaded end, where there is play.
+    play: play::End,
 }
 
 /// What the attenuator remembers from step to step.
@@ -55,6 +62,7 @@ impl AttenuatorState {
         for c in &self.channels {
             h.vec3(c.slip);
             h.vec3(c.dry);
+            c.play.hash_into(h);
         }
     }
 
@@ -84,46 +92,22 @@ fn channel(
 ) -> ChannelForce {
     let damping = c.damping.before_capture
         + (c.damping.after_capture - c.damping.before_capture) * damping_phase;
-    let spring = |e: DVec3| {
-        let size = e.length();
-        let unit = if size > 1e-15 { e / size } else { DVec3::ZERO };
-        let (up, _) = curve(&c.loading, size);
-        let (down, _) = curve(&c.unloading, size);
-        (unit * (0.5 * (up + down)), 0.5 * (up - down).max(0.0))
+    let mut element = if c.backlash > 0.0 {
+        play::element(c, state, x.x, v.x, damping, h)
+    } else {
+        element(c, state, x, v, damping, h)
     };
-    let mut next = *state;
-    let elongation = x - state.slip;
-    let (elastic, branch) = spring(elongation);
-    let mut series = -(elastic + v * damping);
-    let mut lost = 0.0;
-    match &c.series_brake {
-        Some(b) => {
-            let size = series.length();
-            if size > b.force {
-                // Spring and damper in series with the slipping brake: the force is the same in
-                // both, k e + c (v − s') = F_b + b s'.
-                let pull = -series / size;
-                let rate = (size - b.force) / (damping + b.viscous);
-                let slip_rate = pull * rate;
-                series = -(elastic + (v - slip_rate) * damping);
-                next.slip += slip_rate * h;
-                lost += -series.dot(slip_rate) + damping * (v - slip_rate).length_squared();
-            } else {
-                lost += damping * v.length_squared();
-            }
-        }
-        None => lost += damping * v.length_squared(),
-    }
-    let mut force = series;
     // Branches and dry friction: one bristle.
-    let dry = c.dry_friction + branch;
+    let dry = c.dry_friction + element.branch;
+    let branch = element.branch;
+    let ChannelForce { force, lost_w: lost, next } = &mut element.force;
     if dry > 0.0 {
         let breakaway = if branch > 0.0 { c.branch_change } else { DRY_BREAKAWAY };
         let (mean, end) = bristle(breakaway, state.dry, v, h);
         let f = -mean * dry;
-        force += f;
+        *force += f;
         next.dry = end;
-        lost -= f.dot(v);
+        *lost -= f.dot(v);
     }
     // End stops.
     let (over, unit) = beyond_travel(c, x);
@@ -131,10 +115,56 @@ fn channel(
         let rate = v.dot(unit);
         let damp = c.stop_damping * rate * (over / STOP_ENGAGEMENT).min(1.0);
         let push = (c.stop_stiffness * over + damp).max(0.0);
-        force -= unit * push;
-        lost += (push - c.stop_stiffness * over) * rate;
+        *force -= unit * push;
+        *lost += (push - c.stop_stiffness * over) * rate;
     }
-    ChannelForce { force, lost_w: lost, next }
+    element.force
+}
+
+/// What tables, damping and brake of a channel do.
+#[derive(Clone, Copy, Debug, Default)]
+struct Element {
+    force: ChannelForce,
+    /// Half the distance of the branches, for their bristle.
+    branch: f64,
+}
+
+/// Elastic force against an elongation, and half the distance of the branches there.
+fn spring(c: &AxisChannel, e: DVec3) -> (DVec3, f64) {
+    let size = e.length();
+    let unit = if size > 1e-15 { e / size } else { DVec3::ZERO };
+    let (up, _) = curve(&c.loading, size);
+    let (down, _) = curve(&c.unloading, size);
+    (unit * (0.5 * (up + down)), 0.5 * (up - down).max(0.0))
+}
+
+/// The element without play, its end at deflection `x` moving at `v`.
+fn element(
+    c: &AxisChannel,
+    state: &ChannelState,
+    x: DVec3,
+    v: DVec3,
+    damping: f64,
+    h: f64,
+) -> Element {
+    let mut next = *state;
+    let (elastic, branch) = spring(c, x - state.slip);
+    let mut series = -(elastic + v * damping);
+    let lost_w = match &c.series_brake {
+        Some(b) if series.length() > b.force => {
+            // Spring and damper in series with the slipping brake: the force is the same in
+            // both, k e + c (v − s') = F_b + b s'.
+            let size = series.length();
+            let pull = -series / size;
+            let rate = (size - b.force) / (damping + b.viscous);
+            let slip_rate = pull * rate;
+            series = -(elastic + (v - slip_rate) * damping);
+            next.slip += slip_rate * h;
+            -series.dot(slip_rate) + damping * (v - slip_rate).length_squared()
+        }
+        _ => damping * v.length_squared(),
+    };
+    Element { force: ChannelForce { force: series, lost_w, next }, branch }
 }
 
 /// How far beyond its travel, and in which direction.
@@ -149,9 +179,18 @@ fn beyond_travel(c: &AxisChannel, x: DVec3) -> (f64, DVec3) {
 }
 
 fn channel_energy(c: &AxisChannel, state: &ChannelState, x: DVec3) -> f64 {
-    let e = (x - state.slip).length();
+    let e = if c.backlash > 0.0 {
+        play::Held::at(c, state, x.x).elongation.abs()
+    } else {
+        (x - state.slip).length()
+    };
     let (over, _) = beyond_travel(c, x);
-    0.5 * (curve(&c.loading, e).1 + curve(&c.unloading, e).1) + 0.5 * c.stop_stiffness * over * over
+    spring_energy(c, e) + 0.5 * c.stop_stiffness * over * over
+}
+
+/// Stored at an elongation of this size, J: under the mean of both branches.
+fn spring_energy(c: &AxisChannel, size: f64) -> f64 {
+    0.5 * (curve(&c.loading, size).1 + curve(&c.unloading, size).1)
 }
 
 /// Deflection of the ring against its rest.
@@ -400,16 +439,22 @@ pub fn elastic_wrench(
 
 /// Spring and stop of one channel, without damping and friction.
 fn elastic_part(c: &AxisChannel, state: &ChannelState, x: DVec3) -> DVec3 {
+    let (over, unit) = beyond_travel(c, x);
+    let stop = unit * (c.stop_stiffness * over);
+    if c.backlash > 0.0 {
+        return -(X * play::Held::at(c, state, x.x).slope_n(c) + stop);
+    }
     let e = x - state.slip;
     let mean = 0.5 * (curve(&c.loading, e.length()).0 + curve(&c.unloading, e.length()).0);
-    let (over, unit) = beyond_travel(c, x);
-    -(e.normalize_or_zero() * mean + unit * (c.stop_stiffness * over))
+    -(e.normalize_or_zero() * mean + stop)
 }
 
 /// The memory with which no brake carries a load and no friction is engaged at this deflection.
 pub(crate) fn relaxed(model: &Attenuator, g: &AttenuatorGeometry) -> AttenuatorState {
     let channels = channel_deflections(model, g).map(|at| match at {
-        Some((c, x)) if c.series_brake.is_some() => ChannelState { slip: x, dry: DVec3::ZERO },
+        Some((c, x)) if c.series_brake.is_some() => {
+            ChannelState { slip: x, play: play::End::at(x.x), ..ChannelState::default() }
+        }
         _ => ChannelState::default(),
     });
     AttenuatorState { channels }

@@ -3,6 +3,7 @@
 //! No clock, no file, no thread, no physics engine. Everything here is a function of
 //! (model, state, inputs); after construction nothing that a step calls allocates.
 
+pub mod as_built;
 pub mod attenuator;
 pub mod bench;
 pub mod body;

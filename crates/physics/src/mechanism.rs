@@ -68,6 +68,8 @@ pub struct LatchState {
     pub phase: LatchPhase,
     /// Time of each phase, s: approach, strike, latched.
     pub times_s: [Option<f64>; 3],
+    /// Since when the striker has been where a latch that catches late will catch it, s.
+    pub waiting_since_s: Option<f64>,
 }
 
 /// Rings joined at capture.
@@ -150,6 +152,8 @@ impl MechanismState {
         for l in &self.latches {
             h.u64(l.phase as u64);
             l.times_s.iter().for_each(|t| h.f64(t.unwrap_or(-1.0)));
+            // Only latches that catch late wait: the others have the digest that they always had.
+            l.waiting_since_s.iter().for_each(|t| h.f64(*t));
         }
         match &self.joint {
             None => h.u64(0),
@@ -419,14 +423,16 @@ impl System {
 
     fn latch_gaps(&self, l: &LatchSet, x_rp: Pose) -> [LatchGap; 3] {
         let (a, p) = (&self.mechanism.active.ring, &self.mechanism.passive.ring);
-        l.azimuths_rad.map(|az| {
-            let (s, c) = az.sin_cos();
+        core::array::from_fn(|i| {
+            let (s, c) = l.azimuths_rad[i].sin_cos();
             let (radial, tangential) = (DVec3::new(0.0, c, s), DVec3::new(0.0, -s, c));
             let latch = DVec3::X * a.section_radius_m + radial * a.mean_radius_m;
             // The same point in r4 when docked: r4 is r3 turned by 180° about Z.
             let striker_p = DVec3::new(p.section_radius_m, -latch.y, latch.z);
             let striker_r = x_rp.transform_point(striker_p);
-            let apart = striker_r - latch;
+            let off = self.mechanism.offsets.latches_m[i];
+            let off = DVec3::X * off.x + radial * off.y + tangential * off.z;
+            let apart = striker_r - latch - off;
             let (g, pull_at_r, axis_r) = match l.axes {
                 LatchAxes::Active => (apart, striker_r, DVec3::X),
                 LatchAxes::Passive => {
@@ -695,7 +701,10 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
             && gap.radial_m.abs() <= l.radial_zone_m * widen
             && gap.tangential_m.abs() <= l.tangential_zone_m * widen
     };
-    let reached = if near(l.catch_gap_m, 1.0) {
+    if !near(l.catch_gap_m, 1.0) {
+        latch.waiting_since_s = None;
+    }
+    let reached = if near(l.catch_gap_m, 1.0) && waited(l, latch, time_s) {
         LatchPhase::Latched
     } else if near(l.strike_gap_m, 1.0) {
         LatchPhase::Struck
@@ -715,6 +724,12 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
     if latch.phase != LatchPhase::Latched {
         latch.phase = reached;
     }
+}
+
+/// Whether a latch whose striker is where it catches has waited for its delay.
+fn waited(l: &LatchSet, latch: &mut LatchState, time_s: f64) -> bool {
+    l.catch_delay_s <= 0.0
+        || time_s - *latch.waiting_since_s.get_or_insert(time_s) >= l.catch_delay_s
 }
 
 /// Pull of a caught latch along X of its axes, N, ≤ 0.
@@ -787,5 +802,66 @@ impl System {
             &m.attenuator,
             self.mechanism.active.ring.mean_radius_m,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(catch_delay_s: f64) -> LatchSet {
+        LatchSet {
+            axes: LatchAxes::Active,
+            azimuths_rad: [0.0, 2.0, 4.0],
+            approach_gap_m: 0.05,
+            strike_gap_m: 0.006,
+            catch_gap_m: 0.003,
+            catch_delay_s,
+            radial_zone_m: 0.01,
+            tangential_zone_m: 0.06,
+            hold_stiffness_n_m: 1e6,
+            joined_stiffness_n_m: 1e6,
+            joined_damping_n_s_m: 1500.0,
+        }
+    }
+
+    /// Phases of a latch whose striker is at `axial_m(t)`, a step of 0.1 ms each.
+    fn followed(l: &LatchSet, axial_m: impl Fn(f64) -> f64, steps: u32) -> LatchState {
+        let mut latch = LatchState::default();
+        for i in 0..steps {
+            let t = f64::from(i) * 1e-4;
+            let gap = LatchGap { axial_m: axial_m(t), ..LatchGap::default() };
+            advance_latch(l, &gap, &mut latch, t);
+        }
+        latch
+    }
+
+    /// A striker that comes at v is within the gap from t = (x₀ − gap)/v on, and is caught the delay later.
+    #[test]
+    fn oracle_a_late_latch_catches_its_delay_later() {
+        let comes = |t: f64| (0.02 - 0.1 * t).max(0.0);
+        for delay in [0.0, 0.02, 0.05] {
+            let latch = followed(&set(delay), comes, 4000);
+            let caught = latch.times_s[2].expect("it stays");
+            let expected = (0.02 - 0.003) / 0.1 + delay;
+            assert!((-1e-9..1.1e-4).contains(&(caught - expected)), "{delay}: {caught} {expected}");
+            // It is struck without delay.
+            assert!((latch.times_s[1].expect("struck") - 0.14).abs() < 2e-4);
+        }
+    }
+
+    /// One that leaves before is not caught, and the next time begins anew.
+    #[test]
+    fn oracle_a_late_latch_lets_a_short_visit_pass() {
+        // Within the gap from 0.1 to 0.115 s and again from 0.2 s on.
+        let visits = |t: f64| if (0.1..0.115).contains(&t) || t >= 0.2 { 0.001 } else { 0.01 };
+        let latch = followed(&set(0.02), visits, 2100);
+        assert_eq!(latch.times_s[2], None);
+        assert_ne!(latch.phase, LatchPhase::Latched);
+        let caught = followed(&set(0.02), visits, 3000).times_s[2].expect("the second time");
+        assert!((caught - 0.22).abs() < 1.1e-4, "{caught}");
+        // At once it would have been caught at the first.
+        let at_once = followed(&set(0.0), visits, 3000).times_s[2].expect("at once");
+        assert!((at_once - 0.1).abs() < 1.1e-4, "{at_once}");
     }
 }

@@ -107,6 +107,37 @@ impl Payload {
     }
 }
 
+/// What stands on a rig: a mechanism, and how it is mounted.
+#[derive(Clone, Debug)]
+pub struct Article {
+    /// Both spacecraft and the mechanism between them.
+    pub system: System,
+    /// Mounting planes `e3` and `e4` as they stand, seen from where the rig's file has them; `None` where they
+    /// stand there.
+    pub mounts: Option<[Pose; 2]>,
+}
+
+impl From<System> for Article {
+    fn from(system: System) -> Self {
+        Self { system, mounts: None }
+    }
+}
+
+impl Article {
+    /// The rig with its mounting planes where they stand.
+    #[must_use]
+    pub fn on(&self, rig: &Rig) -> Rig {
+        self.mounts.as_ref().map_or_else(|| rig.clone(), |mounts| rig.mounted(mounts))
+    }
+
+    /// A wrench at a mounting plane, 0 for `e3` and 1 for `e4`, in its axes, about the plane where the rig's
+    /// file has it and in the axes there: what a sensor feels that is mounted as its file says.
+    #[must_use]
+    pub fn at_seat(&self, i: usize, w: Wrench) -> Wrench {
+        self.mounts.as_ref().map_or(w, |m| w.rotated(m[i].q).shifted(-m[i].p))
+    }
+}
+
 /// The mechanism between rack and plate.
 #[derive(Clone, Debug)]
 pub struct Mounted {
@@ -120,7 +151,6 @@ pub struct Mounted {
     x_wc: Pose,
     /// Target's mass-centre frame in the plate.
     x_pt: Pose,
-    x_p4: Pose,
     state: MechanismState,
     ring: BodyState,
     step_s: f64,
@@ -150,7 +180,6 @@ impl Mounted {
             gravity_m_s2: rig.gravity_m_s2,
             x_wc,
             x_pt: x_p4 * x_t4.inverse(),
-            x_p4,
             state: MechanismState::default(),
             step_s,
             steps: 0,
@@ -364,12 +393,6 @@ impl Mounted {
         }
         let x_w3 = self.x_wc * self.system.ports()[0];
         Wrench::at(self.ring.p - x_w3.p, self.uncarried_n).rotated(x_w3.q.conjugate())
-    }
-
-    /// Mounting plane of the passive side in the plate, `X_p4`.
-    #[must_use]
-    pub const fn passive_mount(&self) -> Pose {
-        self.x_p4
     }
 
     /// Adds all bits to a digest.

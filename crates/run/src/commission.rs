@@ -17,11 +17,12 @@ use docktwin_hil::{
     realtime::relax,
 };
 use docktwin_model::{HydraulicPreset, Rig as RigModel, load_rig};
-use docktwin_physics::mechanism::System;
+use docktwin_physics::{mechanism::System, mounted::Article};
 use docktwin_rigport::{in_process::InProcess, rig::Rig};
 use docktwin_scenario::{Loader, Scenario, resolve_path};
 
 use crate::{
+    article::RigMechanism,
     error::RunError,
     hil_run::{PERIOD_NS, refuse_sag},
     rig_place::{
@@ -64,6 +65,8 @@ pub struct StandOptions {
     pub seed: u64,
     /// Draws an emulated rig within the spread of its file; controllers still believe the file.
     pub perturb: Option<u64>,
+    /// The mechanism that an emulated rig has; else that of the scenario.
+    pub mechanism: RigMechanism,
     /// Oil volume; else as the rig's file says.
     pub preset: Option<HydraulicPreset>,
 }
@@ -77,6 +80,8 @@ pub struct Stand {
     pub preset: HydraulicPreset,
     /// Spacecraft and mechanism.
     pub system: System,
+    /// What stands on an emulated rig.
+    article: Article,
     scenario: Scenario,
     seed: u64,
     perturb: Option<u64>,
@@ -100,8 +105,10 @@ impl Stand {
         let scenario = options.loader.load(&path)?;
         let (system, _) = start(&scenario)?;
         let preset = options.preset.unwrap_or(rig.hydraulics.default_preset);
-        refuse_sag(&rig, &system, &options.model)?;
-        Ok(Self { rig, preset, system, scenario, seed: options.seed, perturb: options.perturb })
+        let article = options.mechanism.article(&scenario, &system)?.article;
+        refuse_sag(&rig, &article.system, &options.model)?;
+        let (seed, perturb) = (options.seed, options.perturb);
+        Ok(Self { rig, preset, system, article, scenario, seed, perturb })
     }
 
     /// Takes a stick out of its frame, if there is one.
@@ -111,6 +118,7 @@ impl Stand {
         if let Some(stick) = &mut mechanism.stick {
             stick.frame_opening_m = NO_FRAME_M;
             self.system = System::new(&s.chaser, &s.target, mechanism);
+            self.article = self.system.clone().into();
         }
     }
 
@@ -137,13 +145,15 @@ impl Stand {
     /// # Errors
     /// The rig's file lacks what an emulation needs.
     pub fn emulated(&self, at: &Pose) -> Result<EmulatedRig, RunError> {
-        let system = self.system.clone();
-        EmulatedRig::new(&self.rig, self.preset, self.perturb, self.seed, system, at).map_err(|e| {
-            RunError::usage(
-                e.to_string(),
-                "mend the rig's file; models/urdf/stewart.toml is an example",
-            )
-        })
+        let article = self.article.clone();
+        EmulatedRig::new(&self.rig, self.preset, self.perturb, self.seed, article, at).map_err(
+            |e| {
+                RunError::usage(
+                    e.to_string(),
+                    "mend the rig's file; models/urdf/stewart.toml is an example",
+                )
+            },
+        )
     }
 
     fn believed(&self) -> RigSetup {

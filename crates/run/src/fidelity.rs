@@ -319,7 +319,8 @@ pub struct FidelityMeter {
 }
 
 impl FidelityMeter {
-    /// From the initial condition at which the loop is closed; `system` has the mechanism that the rig has.
+    /// From the initial condition at which the loop is closed; `system` has the mechanism that the rig has, `rig`
+    /// its mounting planes where they stand.
     #[must_use]
     pub fn new(system: System, rig: Rig, bodies: [BodyState; 3], tick_nanos: u64) -> Self {
         Self {

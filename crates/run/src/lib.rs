@@ -22,6 +22,7 @@
 
 #![cfg_attr(test, expect(clippy::unwrap_used, reason = "a test stops at the first surprise"))]
 
+pub mod article;
 pub mod columns;
 pub mod commission;
 pub mod control;
@@ -44,6 +45,7 @@ pub mod sink;
 pub mod telemetry;
 mod twin;
 
+pub use article::RigMechanism;
 pub use control::{Coasting, Control, Situation, TimedThrusts};
 pub use error::{RunError, SinkError};
 pub use hil_run::{HilOptions, HilRun, PERIOD_NS, RunningHil};

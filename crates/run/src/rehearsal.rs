@@ -97,6 +97,17 @@ impl<'a> Rehearsal<'a> {
         Ok(Self { scenario, options, steps, system, bodies })
     }
 
+    /// By the reduced twin, with another mechanism than the scenario's, and its bodies at the start.
+    pub(crate) fn beginning(
+        scenario: &'a Scenario,
+        system: System,
+        bodies: [BodyState; 3],
+    ) -> Self {
+        let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
+        let steps = options.twin.steps_per_tick(scenario);
+        Self { scenario, options, steps, system, bodies }
+    }
+
     /// By the twin of a recording, in its steps.
     pub(crate) fn as_recorded(
         scenario: &'a Scenario,

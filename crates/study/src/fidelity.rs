@@ -2,7 +2,7 @@
 //!
 //! A budget takes one cause of deviation after the other out of the rig's file, and puts each alone into a rig
 //! without any. What the loop believes follows the file, so a cause is removed from the rig and from its model
-//! alike. The figures are those of `docktwin_run::fidelity`; nothing is defined here a second time.
+//! alike. Drawn mechanisms: [`draws`]. The figures are those of `docktwin_run::fidelity`; nothing is defined here a second time.
 
 use docktwin_model::{Offload, Rig, SixAxisSensor};
 use docktwin_record::{Fidelity, FidelityFigures, FidelityOf, Outcome};
@@ -11,6 +11,8 @@ use docktwin_scenario::Scenario;
 use serde::{Deserialize, Serialize};
 
 use crate::Progress;
+
+pub mod draws;
 
 /// Something that makes a docking on the rig differ from the one in orbit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -197,6 +199,11 @@ pub fn on_rig(
     let run = HilRun::with_rig(&scenario, options.clone(), |rig| {
         removed.iter().for_each(|cause| cause.remove_from(rig));
     })?;
+    ended(run, removed)
+}
+
+/// Runs it to its end.
+fn ended(run: HilRun<'_>, removed: &[Cause]) -> Result<OnRig, RunError> {
     let rig = run.emulated_with(|mut rig| {
         if removed.contains(&Cause::Legs) {
             rig = rig.with_exact_legs();

@@ -7,6 +7,7 @@
 //! | does the single-DOF HIL simulation reproduce the simulated system? | [`single_dof::single_dof`] |
 //! | what does the whole loop do to a spring stick, Table 4? | [`vibro_impact::vibro_impact`] |
 //! | what makes a docking on the rig differ from the one in orbit, and by how much? | [`fidelity::budget`] |
+//! | and with mechanisms drawn within their spread? | [`fidelity::draws::draws`] |
 //! | does a second engine come to the same docking? | [`crosscheck::compare`] |
 //!
 //! A function takes a checked model and a struct of options, and gives a struct of documented figures

@@ -243,6 +243,8 @@ def _channel(t: dict, angular: bool) -> Channel:
     x, scale = ("deg", math.pi / 180.0) if angular else ("m", 1.0)
     over = "rad" if angular else "m"
     brake = t.get("series_brake")
+    if "backlash" in t:
+        raise ValueError("a channel has `backlash`, which this engine does not know: leave it out")
     return Channel(
         tuple(map(tuple, _get(t, f"loading_{force}_over_{over}"))),
         tuple(map(tuple, _get(t, f"unloading_{force}_over_{over}"))),
@@ -281,6 +283,8 @@ def _attenuation(table: dict, kind: str | None) -> Attenuation | None:
 def _latches(table: dict | None) -> Latches | None:
     if table is None:
         return None
+    if "catch_delay_s" in table and float(_get(table, "catch_delay_s")) > 0.0:
+        raise ValueError("`latches.catch_delay_s` is not known to this engine: leave it out")
     names = [f.name for f in dataclasses.fields(Latches) if f.name not in ("azimuths_rad", "axes")]
     return Latches(
         tuple(math.radians(a) for a in _get(table, "azimuths_deg")),

@@ -155,6 +155,7 @@ impl super::BuiltArgs {
             loader: loader(&self.set)?,
             seed: self.seed,
             perturb: self.perturb,
+            mechanism: self.mechanism.options()?,
             preset: self.preset.map(PresetArg::preset),
         })
     }

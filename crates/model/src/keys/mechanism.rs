@@ -53,6 +53,8 @@ const CURVE: Range = Range::within(0.0, 1e9);
 const LENGTH: Range = Range::positive(1.0);
 const LOAD: Range = Range::positive(1e9);
 const STIFFNESS: Range = Range::positive(1e12);
+const PART: Shape = Shape::Number(Range::within(0.0, 0.9));
+const POSITION: Shape = Shape::Number(Range::within(0.0, 0.01));
 
 // Both sides -----------------------------------------------------------------------------------
 
@@ -318,6 +320,29 @@ pub(super) const ACTIVE: &[Group] = &[
     Group {
         tables: &[
             table(
+                "attenuation.characteristic.axial.backlash",
+                Need::Optional("without it there is no play"),
+                "Play between the ring and the element of spring, damper and brake: inside it the element \
+                 does not act. Dry friction and end stops act beside it.",
+            ),
+            table(
+                "attenuation.differential.channels.backlash",
+                Need::Optional("as in the axial channel"),
+                "As in the axial channel, of the brake coordinate.",
+            ),
+        ],
+        keys: &[key(
+            "width_m",
+            Shape::Number(Range::positive(0.1)),
+            "0.001",
+            "Width of the play, from the element being pushed one way to its being pushed the other.",
+            "The ring moves so far without force before the element takes the load, with a step of the \
+             damper's force.",
+        )],
+    },
+    Group {
+        tables: &[
+            table(
                 "attenuation.characteristic.tilt",
                 Need::Where("[attenuation.characteristic] is there"),
                 "Pitch and yaw, alike in every direction: the deflection is the length of the rotation \
@@ -407,7 +432,77 @@ pub(super) const ACTIVE: &[Group] = &[
     STICK,
     LIMITS,
     OUTCOME,
+    SPREAD,
 ];
+
+const SPREAD: Group = Group {
+    tables: &[table(
+        "spread",
+        Need::Optional("without it no mechanism can be drawn (`--mechanism-draw`)"),
+        "Half-widths within which the mechanism of an emulated rig is drawn away from the files of both \
+         sides, uniformly. The loop goes on believing the files; a run is compared with the simulated system \
+         that has the drawn mechanism.",
+    )],
+    keys: &[
+        key(
+            "contact_stiffness",
+            PART,
+            "0.2",
+            "Of the stiffness of the contact law, relative.",
+            "Peak of the first contacts.",
+        ),
+        key(
+            "friction",
+            PART,
+            "0.5",
+            "Of both friction coefficients together, relative.",
+            "Whether petals slide on or jam.",
+        ),
+        key(
+            "petal_rigidity",
+            PART,
+            "0.3",
+            "Of the flexural rigidity of the petals, one draw a side, relative.",
+            "Stiffness of contacts near the tips.",
+        ),
+        key(
+            "attenuator_curves",
+            PART,
+            "0.15",
+            "Of the forces of loading and unloading curves together, one draw a channel, relative.",
+            "Springs as built and as set.",
+        ),
+        key(
+            "brake",
+            PART,
+            "0.1",
+            "Of the holding force of the series brakes, one draw a brake, relative.",
+            "Largest force of the channel.",
+        ),
+        key(
+            "ring_mass",
+            PART,
+            "0.05",
+            "Of mass and inertia of the active ring together, relative.",
+            "Mass as built; its weight on the rig.",
+        ),
+        key(
+            "position_fine_m",
+            POSITION,
+            "0.0003",
+            "Of the places of petals and latches and of both mounting planes on the rig along each axis, well \
+             aligned. A mount is turned about each axis by as much at the ring's mean radius.",
+            "The grade of `--mechanism-grade fine`.",
+        ),
+        key(
+            "position_coarse_m",
+            POSITION,
+            "0.001",
+            "The same, coarsely aligned; not below the fine grade.",
+            "The grade of `--mechanism-grade coarse`.",
+        ),
+    ],
+};
 
 const CONTACT: Group = Group {
     tables: &[table(
@@ -698,6 +793,16 @@ const LATCHES: Group = Group {
             "Axial gap at or below which a latch catches.",
             "Larger captures sooner. All three caught is capture.",
         ),
+        key(
+            "catch_delay_s",
+            Shape::Number(Range::within(0.0, 10.0)),
+            "0.02",
+            "Time for which a striker must have stayed within the catch gap and the zones before the latch \
+             catches.",
+            "A latch with a drive, a damper or a slow spring. One that leaves before is not caught, and the \
+             time begins anew.",
+        )
+        .optional("without it a latch catches at once"),
         key(
             "radial_zone_m",
             Shape::Number(LENGTH),

@@ -168,14 +168,14 @@ const fn key(
 }
 
 impl Key {
-    /// The same, which may be left out; `otherwise` says what then holds.
-    const fn optional(self, otherwise: &'static str) -> Self {
-        Self { need: Need::Optional(otherwise), ..self }
-    }
-
     /// The same, needed only where `condition` says.
     const fn only(self, condition: &'static str) -> Self {
         Self { need: Need::Where(condition), ..self }
+    }
+
+    /// The same, which may be left out; `otherwise` says what then holds.
+    const fn optional(self, otherwise: &'static str) -> Self {
+        Self { need: Need::Optional(otherwise), ..self }
     }
 }
 

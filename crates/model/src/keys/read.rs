@@ -53,6 +53,11 @@ impl Section<'_, '_, '_> {
         self.table.has(key)
     }
 
+    /// Whether the table of keys has a table of this name here.
+    pub(crate) fn knows(self, table: &'static str) -> bool {
+        self.need(table).is_some()
+    }
+
     /// Reports that a value is wrong for a reason that its shape does not say.
     pub(crate) fn refuse(
         self,
@@ -72,6 +77,15 @@ impl Section<'_, '_, '_> {
                 f64::NAN
             }
         }
+    }
+
+    /// A number that may be absent.
+    pub(crate) fn optional_number(self, key: &'static str) -> Option<f64> {
+        let need = self.kind.find(&self.table.key(key)).map(|k| k.need);
+        if !matches!(need, Some(Need::Optional(_))) {
+            self.defect(key);
+        }
+        self.has(key).then(|| self.number(key))
     }
 
     /// A whole number with its note.

@@ -39,14 +39,18 @@ struct Petals {
 }
 
 impl Side {
-    fn new(g: &SideGeometry) -> Self {
+    /// `offsets_m` of the petals are those of [`docktwin_model::PartOffsets`].
+    fn new(g: &SideGeometry, offsets_m: &[DVec3]) -> Self {
         let ring = Circle { radius: g.ring.mean_radius_m, ball: g.ring.section_radius_m };
         let petals = g.petals.as_ref().map(|p| {
             let sheet = Sheet::new(p);
             let (centre, reach) = sheet.ball_around();
             let most = u32::try_from(MAX_PETALS).unwrap_or(u32::MAX);
-            let turns = (0..p.count.min(most)).map(|i| Frame::turned(p.azimuth_rad(i)));
-            Petals { sheet, turns: turns.collect(), centre, reach }
+            let mut turns: Vec<Frame> =
+                (0..p.count.min(most)).map(|i| Frame::turned(p.azimuth_rad(i))).collect();
+            // Radially outward is +Y of a petal's own frame.
+            turns.iter_mut().zip(offsets_m).for_each(|(turn, d)| turn.p = turn.r * *d);
+            Petals { sheet, turns, centre, reach }
         });
         Self { ring, petals }
     }
@@ -62,7 +66,10 @@ impl Side {
     /// Farthest point from the ring's centre, m.
     fn reach(&self) -> f64 {
         let ring = self.ring.radius + self.ring.ball;
-        self.petals.as_ref().map_or(ring, |p| ring.max(p.centre.length() + p.reach + p.sheet.ball))
+        self.petals.as_ref().map_or(ring, |p| {
+            let off = p.turns.iter().map(|turn| turn.p.length()).fold(0.0, f64::max);
+            ring.max(p.centre.length() + p.reach + p.sheet.ball + off)
+        })
     }
 }
 
@@ -82,7 +89,8 @@ impl Scene {
     /// Builds the tables of a checked model.
     #[must_use]
     pub fn new(m: &DockingMechanism) -> Self {
-        let (active, passive) = (Side::new(&m.active), Side::new(&m.passive));
+        let active = Side::new(&m.active, &m.offsets.active_petals_m);
+        let passive = Side::new(&m.passive, &m.offsets.passive_petals_m);
         let (a, p) = (active.count(), passive.count());
         let petals = (0..a).flat_map(|i| (0..p).map(move |j| SurfacePair::PetalPetal(i, j)));
         let pairs = core::iter::once(SurfacePair::RingRing)

@@ -4,7 +4,8 @@
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose};
 use docktwin_model::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases, DockingMechanism,
-    LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve,
+    LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry,
+    PiecewiseCurve,
     RingBody, RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
 };
 use docktwin_physics::{
@@ -56,6 +57,7 @@ pub fn channel(
         branch_change: 1e-3,
         damping: DampingPhases { before_capture: before, after_capture: after },
         series_brake: None,
+        backlash: 0.0,
         dry_friction: 0.0,
         travel_negative: neg,
         travel_positive: pos,
@@ -135,6 +137,7 @@ pub fn apas() -> DockingMechanism {
             approach_gap_m: 0.05,
             strike_gap_m: 0.005,
             catch_gap_m: 0.003,
+            catch_delay_s: 0.0,
             radial_zone_m: 0.010,
             tangential_zone_m: 0.060,
             hold_stiffness_n_m: 1e6,
@@ -156,6 +159,8 @@ pub fn apas() -> DockingMechanism {
             settled_rate_rad_s: 0.1f64.to_radians(),
             jam_time_s: 10.0,
         },
+        spread: None,
+        offsets: PartOffsets::default(),
         digest: Digest::default(),
     }
 }

@@ -5,6 +5,10 @@ use core::fmt::Write as _;
 use docktwin_plot::{Axis, Bar, Colour, Embed, Lane, Plot, PlotError};
 use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig, Window};
 
+mod draws;
+
+pub use draws::{draw_tables, draw_words, draws_json};
+
 use super::NamedText;
 
 /// Part of the force's error that a cause must make to be worth mending.

@@ -18,7 +18,7 @@ use docktwin_rigport::rig::Rig;
 
 pub use self::prepare::{HilOptions, HilRun};
 pub(crate) use self::{
-    prepare::{kept_name, refuse_sag, rig_path},
+    prepare::{MECHANISM_DIGEST, kept_mechanism, kept_name, refuse_sag, rig_path},
     recorder::HilRecorder,
 };
 use crate::{

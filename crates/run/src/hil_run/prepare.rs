@@ -10,7 +10,7 @@ use docktwin_control::{
     safety::{SafetyLimits, half_widths},
     sensing::SensorScheme,
 };
-use docktwin_core::{Digest, PORT_CONTACT_N, Pose};
+use docktwin_core::{DVec3, Digest, PORT_CONTACT_N, Pose};
 use docktwin_hil::{
     calibrate::Calibration,
     emulated::{EmulatedRig, clear},
@@ -19,30 +19,37 @@ use docktwin_hil::{
 };
 use docktwin_model::{HydraulicPreset, Rig as RigModel, SAG_REMEDY, load_rig_from, sag_refusal};
 use docktwin_physics::{
+    as_built::Drawn,
     body::BodyState,
-    mechanism::{CHASER, RING, System},
+    mechanism::{CHASER, RING, System, TARGET},
     programme::Programme,
 };
+use docktwin_record::Summary;
 use docktwin_rigport::in_process::InProcess;
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
 
 use super::{Commands, PERIOD_NS, check, seconds};
 use crate::{
+    article::{RigArticle, RigMechanism, bodies_with},
     control::{Control, Situation, TimedThrusts},
     error::RunError,
     provenance::{KeptFile, digest_keys},
+    rehearsal::Rehearsal,
     rig_place::{
         ClockKind, Operator, RigPlace, calibration, compensation, confirm, identification,
         new_session,
     },
     rigfile::{CalibrationFile, IdentificationFile, Origin, Read},
     setup::start,
+    sink::SummaryOnly,
 };
 
 /// Rig when neither scenario nor options name one.
 const DEFAULT_RIG: &str = "models/urdf/stewart.urdf";
 /// Folder of a run directory that holds its rig.
 const RIG_FOLDER: &str = "models/rig";
+/// Folder of a run directory that holds another mechanism of the rig.
+const MECHANISM_FOLDER: &str = "models/rig-mechanism";
 /// Largest file of a rig that is kept, bytes.
 const MOST_RIG_BYTES: u64 = 1 << 20;
 /// Age at which an identification or a calibration is no longer believed, days.
@@ -77,6 +84,8 @@ pub struct HilOptions {
     pub seed: u64,
     /// Draws an emulated rig within the spread of its file.
     pub perturb: Option<u64>,
+    /// The mechanism that the rig has, and that it is compared with; else that of the scenario.
+    pub mechanism: RigMechanism,
     /// Slowly to the initial condition and back, without closing the loop.
     pub dry_run: bool,
 }
@@ -112,6 +121,8 @@ pub struct HilRun<'a> {
     pub(crate) system: System,
     pub(crate) bodies: [BodyState; 3],
     pub(crate) setup: LoopSetup,
+    /// The mechanism that the rig has.
+    pub(crate) article: RigArticle,
     known: Known,
 }
 
@@ -191,7 +202,8 @@ impl<'a> HilRun<'a> {
         let hil = &scenario.hil;
         let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
         let (system, bodies) = start(scenario)?;
-        refuse_sag(&rig, &system, &rig_path)?;
+        let article = options.mechanism.article(scenario, &system)?;
+        refuse_sag(&rig, &article.article.system, &rig_path)?;
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);
@@ -221,7 +233,7 @@ impl<'a> HilRun<'a> {
             .session(if options.repeats() { 1 } else { new_session() })
             .dry_run(options.dry_run)
             .build()?;
-        Ok(Self { scenario, options, rig_path, rig, preset, system, bodies, setup, known })
+        Ok(Self { scenario, options, rig_path, rig, preset, system, bodies, setup, article, known })
     }
 
     /// The rig emulated in this process, drawn back.
@@ -246,7 +258,7 @@ impl<'a> HilRun<'a> {
             self.preset,
             self.options.perturb,
             self.options.seed,
-            self.system.clone(),
+            self.article.article.clone(),
             &rest,
         )
         .map(|rig| InProcess::new(change(rig)))
@@ -257,6 +269,35 @@ impl<'a> HilRun<'a> {
     #[must_use]
     pub const fn rig(&self) -> &RigModel {
         &self.rig
+    }
+
+    /// What was drawn of the mechanism that the rig has.
+    #[must_use]
+    pub fn drawn(&self) -> &[Drawn] {
+        &self.article.drawn
+    }
+
+    /// The simulated system: the scenario's spacecraft with the mechanism that the rig has, and its bodies at
+    /// the beginning.
+    #[must_use]
+    pub fn reference(&self) -> (System, [BodyState; 3]) {
+        let system = self.article.article.system.clone();
+        if self.options.mechanism == RigMechanism::default() {
+            return (system, self.bodies);
+        }
+        let bodies = bodies_with(&self.system, &system, &self.bodies);
+        (system, bodies)
+    }
+
+    /// Rehearses the simulated system by the reduced twin, the target begun `shift_m` off its place, in `e3`.
+    ///
+    /// # Errors
+    /// None at present.
+    pub fn simulate(&self, shift_m: DVec3) -> Result<Summary, RunError> {
+        let (system, mut bodies) = self.reference();
+        let x_w3 = bodies[CHASER].pose() * system.ports()[0];
+        bodies[TARGET].p += x_w3.q * shift_m;
+        Rehearsal::beginning(self.scenario, system, bodies).run(&mut SummaryOnly)
     }
 
     /// What the bodies know before the first tick, and what moves them.
@@ -341,6 +382,15 @@ impl<'a> HilRun<'a> {
                 m.insert(format!("digest:{name}"), file.digest);
             }
         }
+        if let Some(digest) = self.article.digest {
+            m.insert(MECHANISM_DIGEST.to_owned(), digest.to_string());
+        }
+        if let Some(draw) = o.mechanism.draw {
+            m.insert("mechanism_draw".to_owned(), draw.number.to_string());
+            m.insert("mechanism_grade".to_owned(), draw.grade.name().to_owned());
+        }
+        let drawn = self.article.drawn.iter();
+        m.extend(drawn.map(|d| (format!("drawn:{}", d.name), d.value.to_string())));
         m.extend(digest_keys(&self.scenario.files).map(|(key, f)| (key, f.digest.to_string())));
         m
     }
@@ -368,6 +418,12 @@ impl<'a> HilRun<'a> {
             name.set_extension(kind);
             keep("rig", name.clone(), &self.rig_path.with_extension(kind))?;
         }
+        if let Some(urdf) = self.options.mechanism.urdf() {
+            for kind in ["toml", "urdf"] {
+                let to = kept_mechanism().with_extension(kind);
+                keep("rig's mechanism", to, &urdf.with_extension(kind))?;
+            }
+        }
         for (what, known) in self.known.files() {
             if let Some(file) = known {
                 keep(what, kept_name(what), file.path)?;
@@ -380,6 +436,14 @@ impl<'a> HilRun<'a> {
 /// Where a run directory keeps the file of `rig identify` or `rig calibrate`.
 pub(crate) fn kept_name(what: &str) -> PathBuf {
     Path::new(RIG_FOLDER).join(format!("{what}.toml"))
+}
+
+/// Key of a recording for the digest of another mechanism of the rig.
+pub(crate) const MECHANISM_DIGEST: &str = "digest:rig_mechanism";
+
+/// Where a run directory keeps the URDF of another mechanism of the rig.
+pub(crate) fn kept_mechanism() -> PathBuf {
+    Path::new(MECHANISM_FOLDER).join("active.urdf")
 }
 
 /// Takes in what a tick showed.

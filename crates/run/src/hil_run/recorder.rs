@@ -57,6 +57,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let (columns, pair_names) = (hil_columns(), pair_names(scenario));
         let metadata = run.metadata();
         let (rig, kept) = run.kept()?;
+        let (reference, bodies) = run.reference();
         sink.begin(&Header {
             scenario,
             columns: &columns,
@@ -77,7 +78,12 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
             recorder: RowRecorder::new(pair_names),
             observer: Observer::default(),
             watcher: Watcher::new(run.bodies),
-            meter: FidelityMeter::new(run.system.clone(), run.rig.clone(), run.bodies, PERIOD_NS),
+            meter: FidelityMeter::new(
+                reference,
+                run.article.article.on(&run.rig),
+                bodies,
+                PERIOD_NS,
+            ),
             thrusts: TimedThrusts::of(scenario),
             situation: run.commands(crate::control::Coasting).now,
             events: Vec::new(),

@@ -4,12 +4,16 @@ use docktwin_hil::{
     clock::VirtualClock,
     scheduler::{Loop, Phase},
 };
+use docktwin_physics::as_built::{Grade, MechanismDraw};
 use docktwin_scenario::{CompensatorChoice, load_scenario};
 
 use super::{Comparison, Replay, Replayed};
 use crate::{
+    article::RigMechanism,
     error::RunError,
-    hil_run::{HilOptions, HilRecorder, HilRun, PERIOD_NS, kept_name},
+    hil_run::{
+        HilOptions, HilRecorder, HilRun, MECHANISM_DIGEST, PERIOD_NS, kept_mechanism, kept_name,
+    },
     provenance::same_files,
 };
 
@@ -37,10 +41,42 @@ fn options(replay: &Replay) -> Result<HilOptions, RunError> {
         lead_s: of("lead_s").parse().ok(),
         seed: of("seed").parse().map_err(|_| damaged(replay, "no seed"))?,
         perturb: of("perturb").parse().ok(),
+        mechanism: mechanism(replay)?,
         identification: kept("identification"),
         calibration: kept("calibration"),
         ..HilOptions::default()
     })
+}
+
+/// The mechanism that the rig had.
+fn mechanism(replay: &Replay) -> Result<RigMechanism, RunError> {
+    let metadata = replay.metadata();
+    let file =
+        metadata.contains_key(MECHANISM_DIGEST).then(|| replay.path().join(kept_mechanism()));
+    let Some(number) = metadata.get("mechanism_draw") else {
+        return Ok(RigMechanism { file, draw: None });
+    };
+    let grade = metadata.get("mechanism_grade").map_or("", String::as_str);
+    let draw = number
+        .parse()
+        .ok()
+        .zip(Grade::WORDS.into_iter().find(|(word, _)| *word == grade))
+        .map(|(number, (_, grade))| MechanismDraw { number, grade })
+        .ok_or_else(|| damaged(replay, "the draw of the rig's mechanism cannot be read"))?;
+    Ok(RigMechanism { file, draw: Some(draw) })
+}
+
+/// What the recording says of the rig's mechanism, drawn values included, and what comes out now.
+fn same_mechanism(replay: &Replay, run: &HilRun<'_>) -> Result<(), RunError> {
+    let metadata = replay.metadata();
+    let digest = run.article.digest.map(|d| d.to_string());
+    let values = run.article.drawn.iter().all(|d| {
+        metadata.get(&format!("drawn:{}", d.name)).is_some_and(|then| *then == d.value.to_string())
+    });
+    if metadata.get(MECHANISM_DIGEST) == digest.as_ref() && values {
+        return Ok(());
+    }
+    Err(damaged(replay, "the rig's mechanism is not the one of the recording"))
 }
 
 fn damaged(replay: &Replay, what: &str) -> RunError {
@@ -64,6 +100,7 @@ pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), Ru
     {
         return Err(damaged(replay, "the rig is not the one of the recording"));
     }
+    same_mechanism(replay, &prepared)?;
     replay.check_files()?;
     let mut recorder = HilRecorder::begin(&prepared, Comparison::with(&replay.reader), false)?;
     let rig = prepared.emulated()?;

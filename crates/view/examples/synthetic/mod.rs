@@ -4,7 +4,8 @@
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose, SimTime};
 use docktwin_model::{
     Attenuator, AxisChannel, ContactLaw, DampingPhases, DifferentialAttenuator, DockingMechanism,
-    LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PetalGeometry, PiecewiseCurve,
+    LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry,
+    PiecewiseCurve,
     RingBody, RingGeometry, SideGeometry, Spacecraft,
 };
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
@@ -43,6 +44,7 @@ fn channel() -> AxisChannel {
         branch_change: 1e-3,
         damping: DampingPhases { before_capture: 100.0, after_capture: 1000.0 },
         series_brake: None,
+        backlash: 0.0,
         dry_friction: 0.0,
         travel_negative: 0.15,
         travel_positive: 0.01,
@@ -106,6 +108,7 @@ pub(crate) fn mechanism() -> DockingMechanism {
             approach_gap_m: 0.05,
             strike_gap_m: 0.01,
             catch_gap_m: 0.003,
+            catch_delay_s: 0.0,
             radial_zone_m: 0.01,
             tangential_zone_m: 0.06,
             hold_stiffness_n_m: 1e6,
@@ -127,6 +130,8 @@ pub(crate) fn mechanism() -> DockingMechanism {
             settled_rate_rad_s: 1e-3,
             jam_time_s: 5.0,
         },
+        spread: None,
+        offsets: PartOffsets::default(),
         digest: Digest::default(),
     }
 }
