@@ -20,12 +20,16 @@ const THIN_KG_M3: f64 = 5.0;
 const MOST_GYRATION: f64 = 10.0;
 /// A radius of gyration below this share of a homogeneous hull's is doubtful.
 const LEAST_GYRATION: f64 = 0.3;
+/// A docking axis that points so far past the mass centre, deg, is doubtful: ports look outward.
+const MOST_ASIDE_DEG: f64 = 45.0;
 
 /// What is known of a spacecraft before it is put together; places from the origin of the root link.
 pub(crate) struct Body<'a> {
     pub(crate) mass: &'a MassProperties,
     pub(crate) hull: SpacecraftHull,
     pub(crate) port_m: DVec3,
+    /// +X of the port, which is the docking axis.
+    pub(crate) port_axis: DVec3,
 }
 
 impl Body<'_> {
@@ -217,6 +221,14 @@ impl Body<'_> {
                     2.0 * self.hull.radius_m
                 ));
             }
+        }
+        let out_of_port = (self.port_m - self.mass.com_m).normalize_or_zero();
+        let aside_deg = self.port_axis.dot(out_of_port).abs().min(1.0).acos().to_degrees();
+        if out_of_port != DVec3::ZERO && aside_deg > MOST_ASIDE_DEG {
+            out.push(format!(
+                "the port's +X lies {aside_deg:.0} deg off the line from the mass centre to the port; rpy is in \
+                 radians"
+            ));
         }
         out
     }

@@ -27,6 +27,7 @@ mod keys;
 mod load;
 mod loader;
 mod overrides;
+mod stiff;
 
 pub use builder::ScenarioBuilder;
 pub use docktwin_model::keys::UnknownKey;
