@@ -9,7 +9,7 @@ use docktwin_core::DVec3;
 
 use crate::SpacecraftHull;
 use crate::problem::{Findings, Note, Problem};
-use crate::urdf::MassProperties;
+use crate::urdf::{self, MassProperties};
 
 /// Density of osmium, the densest of all materials, kg/m³ (CRC Handbook of Chemistry and Physics).
 const DENSEST_KG_M3: f64 = 22_590.0;
@@ -20,6 +20,8 @@ const THIN_KG_M3: f64 = 5.0;
 const MOST_GYRATION: f64 = 10.0;
 /// A radius of gyration below this share of a homogeneous hull's is doubtful.
 const LEAST_GYRATION: f64 = 0.3;
+/// What to do about inertias below those of any body.
+const SMALL_REMEDY: &str = "give inertias in kg·m² about the mass centre, and masses in kg";
 /// A docking axis that points so far past the mass centre, deg, is doubtful: ports look outward.
 const MOST_ASIDE_DEG: f64 = 45.0;
 
@@ -174,7 +176,23 @@ impl Body<'_> {
                     k.z,
                     (0.4_f64).sqrt() * sphere_m
                 ),
-                "give inertias in kg·m² about the mass centre, and masses in kg",
+                SMALL_REMEDY,
+            );
+            return;
+        }
+        // Of all bodies no longer than this, the solid rod of the densest material has the least moment about
+        // an axis: k² = m / (2π ρ L).
+        let long_m = MOST_GYRATION * self.size_m();
+        let rod_m = (m / (2.0 * PI * DENSEST_KG_M3 * long_m)).sqrt();
+        let least_m = (urdf::principal_moments(self.mass.inertia_kg_m2)[0] / m).max(0.0).sqrt();
+        if least_m < rod_m {
+            refuse(
+                "inertia",
+                format!(
+                    "its least radius of gyration is {least_m:.2e} m: a rod of the densest material with this \
+                     mass, {long_m:.0} m long, has {rod_m:.2e} m"
+                ),
+                SMALL_REMEDY,
             );
         }
     }

@@ -153,6 +153,9 @@ fn remove_block(b: &mut Vec<u8>, dice: &mut Dice<'_>) {
 
 /// One piece of damage to bytes.
 pub(crate) fn bytes_once(b: &mut Vec<u8>, dice: &mut Dice<'_>) {
+    if b.is_empty() {
+        return;
+    }
     let at = dice.below(b.len());
     match dice.below(6) {
         0 | 1 => b[at] ^= 1 << dice.below(8),

@@ -10,6 +10,7 @@
 
 mod damage;
 mod dice;
+mod findings;
 mod memory;
 mod models;
 mod port;
