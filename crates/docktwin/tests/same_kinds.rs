@@ -78,7 +78,8 @@ enum Finds {
 use Finds::{Flagged, Nothing, Refused};
 
 const MASS: &str = "value=\"7960.9\"";
-const INERTIA: &str = "ixx=\"7254.37\" ixy=\"0\" ixz=\"0\" iyy=\"36134.193\" iyz=\"0\" izz=\"36134.193\"";
+const INERTIA: &str =
+    "ixx=\"7254.37\" ixy=\"0\" ixz=\"0\" iyy=\"36134.193\" iyz=\"0\" izz=\"36134.193\"";
 
 #[test]
 fn oracle_units_and_inertias_are_refused_or_flagged() {
@@ -94,20 +95,69 @@ fn oracle_units_and_inertias_are_refused_or_flagged() {
     let about_port = inertia(7254.37, 36134.193 + 7960.9 * 3.5 * 3.5);
     let chaser: &[(&str, &[(&str, &str, &str)], Finds, &str)] = &[
         ("inertia in kg·cm²", &[("urdf", INERTIA, &cm2)], Refused, "radius of gyration"),
-        ("inertia in lb·ft²", &[("urdf", INERTIA, &feet)], Flagged, "look at the unit of the inertia"),
+        (
+            "inertia in lb·ft²",
+            &[("urdf", INERTIA, &feet)],
+            Flagged,
+            "look at the unit of the inertia",
+        ),
         ("inertia in slug·ft²", &[("urdf", INERTIA, &slugs)], Nothing, ""),
-        ("inertia about the port", &[("urdf", INERTIA, &about_port)], Flagged, "radius of gyration about Y"),
+        (
+            "inertia about the port",
+            &[("urdf", INERTIA, &about_port)],
+            Flagged,
+            "radius of gyration about Y",
+        ),
         ("no inertia", &[("urdf", INERTIA, &scaled(0.0))], Refused, "not positive definite"),
-        ("a rod without a radius", &[("urdf", "ixx=\"7254.37\"", "ixx=\"0.001\"")], Flagged, "about X"),
+        (
+            "a rod without a radius",
+            &[("urdf", "ixx=\"7254.37\"", "ixx=\"0.001\"")],
+            Refused,
+            "a rod of the densest",
+        ),
+        (
+            "a rod of 4 cm",
+            &[("urdf", "ixx=\"7254.37\"", "ixx=\"8\"")],
+            Flagged,
+            "radius of gyration about X",
+        ),
         ("mass in lb", &[("urdf", MASS, "value=\"17550.8\"")], Nothing, ""),
         ("mass in mg", &[("urdf", MASS, "value=\"7.9609e9\"")], Refused, "is out of range"),
         ("hull in mm", &[("toml", "value = 1.35", "value = 1350.0")], Refused, "≤ 50 m"),
-        ("hull in km", &[("toml", "value = 1.35", "value = 0.00135"), ("toml", "value = 7.0", "value = 0.007")], Refused, "densest material"),
-        ("port in mm", &[("urdf", "xyz=\"3.5 0 0\"", "xyz=\"3500 0 0\"")], Flagged, "looks like millimetres"),
+        (
+            "hull in km",
+            &[
+                ("toml", "value = 1.35", "value = 0.00135"),
+                ("toml", "value = 7.0", "value = 0.007"),
+            ],
+            Refused,
+            "densest material",
+        ),
+        (
+            "port in mm",
+            &[("urdf", "xyz=\"3.5 0 0\"", "xyz=\"3500 0 0\"")],
+            Flagged,
+            "looks like millimetres",
+        ),
         ("port in cm", &[("urdf", "xyz=\"3.5 0 0\"", "xyz=\"350 0 0\"")], Flagged, "port at"),
-        ("port turned by 5 degrees as radians", &[("urdf", "xyz=\"3.5 0 0\" rpy=\"0 0 0\"", "xyz=\"3.5 0 0\" rpy=\"0 0 5\"")], Flagged, "rpy is in radians"),
-        ("port turned by 30 degrees as radians", &[("urdf", "xyz=\"3.5 0 0\" rpy=\"0 0 0\"", "xyz=\"3.5 0 0\" rpy=\"0 0 30\"")], Refused, "≤ 6.28"),
-        ("a port that looks aside by 20 degrees", &[("urdf", "xyz=\"3.5 0 0\" rpy=\"0 0 0\"", "xyz=\"3.5 0 0\" rpy=\"0 0 0.35\"")], Nothing, ""),
+        (
+            "port turned by 5 degrees as radians",
+            &[("urdf", "xyz=\"3.5 0 0\" rpy=\"0 0 0\"", "xyz=\"3.5 0 0\" rpy=\"0 0 5\"")],
+            Flagged,
+            "rpy is in radians",
+        ),
+        (
+            "port turned by 30 degrees as radians",
+            &[("urdf", "xyz=\"3.5 0 0\" rpy=\"0 0 0\"", "xyz=\"3.5 0 0\" rpy=\"0 0 30\"")],
+            Refused,
+            "≤ 6.28",
+        ),
+        (
+            "a port that looks aside by 20 degrees",
+            &[("urdf", "xyz=\"3.5 0 0\" rpy=\"0 0 0\"", "xyz=\"3.5 0 0\" rpy=\"0 0 0.35\"")],
+            Nothing,
+            "",
+        ),
     ];
     let mut wrong = Vec::new();
     for (what, edits, finds, says) in chaser {
@@ -124,10 +174,25 @@ fn oracle_units_and_inertias_are_refused_or_flagged() {
     }
     // A mechanism in other units.
     for (what, from, to, says) in [
-        ("travel in mm", "travel_negative_m = { value = 0.15", "travel_negative_m = { value = 150.0", "≤ 5"),
-        ("an angle in radians beyond 90", "tip_half_angle_deg = { value = 14.0", "tip_half_angle_deg = { value = 140.0", "≤ 90"),
+        (
+            "travel in mm",
+            "travel_negative_m = { value = 0.15",
+            "travel_negative_m = { value = 150.0",
+            "≤ 5",
+        ),
+        (
+            "an angle in radians beyond 90",
+            "tip_half_angle_deg = { value = 14.0",
+            "tip_half_angle_deg = { value = 140.0",
+            "≤ 90",
+        ),
         ("ring in mm", "mean_radius_m = { value = 0.6", "mean_radius_m = { value = 600.0", "≤ 5 m"),
-        ("one ring of 1.2 m diameter as radius", "mean_radius_m = { value = 0.6", "mean_radius_m = { value = 1.2", "float free"),
+        (
+            "one ring of 1.2 m diameter as radius",
+            "mean_radius_m = { value = 0.6",
+            "mean_radius_m = { value = 1.2",
+            "float free",
+        ),
     ] {
         let report = checked("apas_active", &[("toml", from, to)]);
         if !report.refused.iter().any(|r| r.contains(says)) {
@@ -163,7 +228,8 @@ fn oracle_latch_zones_are_held_against_the_play() {
             wrong.push(format!("{zone}: {text}"));
         }
         if let Some((_, rest)) = text.split_once("; make it ") {
-            let least: f64 = rest.split_once(" m or more").expect("a width").0.parse().expect("a number");
+            let least: f64 =
+                rest.split_once(" m or more").expect("a width").0.parse().expect("a number");
             let text = with(least);
             if text.contains("flagged") && text.contains("less than the mated roll play") {
                 wrong.push(format!("{zone}, obeyed with {least}: {text}"));
@@ -176,12 +242,17 @@ fn oracle_latch_zones_are_held_against_the_play() {
 /// Case C22: which body turns, and whose axes a latch has, stands where the keys are explained.
 #[test]
 fn regress_what_decides_outcomes_is_stated() {
-    let words = |words: &[&str]| said(&docktwin(words, &root())).split_whitespace().collect::<Vec<_>>().join(" ");
+    let words = |words: &[&str]| {
+        said(&docktwin(words, &root())).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
     for (key, says) in [("initial.roll_rate_deg_s", "target"), ("initial.roll_deg", "about")] {
         let text = words(&["scenario", "explain", key]);
         assert!(text.contains(says), "{key}: {text}");
     }
-    for (key, says) in [("latches.tangential_zone_m", "axes"), ("petals.tip_half_angle_deg", "straight")] {
+    for (key, says) in [
+        ("latches.azimuths_deg", "in the axes of the active ring"),
+        ("petals.tip_half_angle_deg", "straight"),
+    ] {
         let text = words(&["model", "explain", key]);
         assert!(text.contains(says), "{key}: {text}");
     }
@@ -200,19 +271,26 @@ fn oracle_ticks_of_any_length_give_one_verdict() {
             .set("initial.gap_m", 0.01)
             .set("initial.axial_speed_m_s", 0.3)
             .set("mechanism.contact.stiffness_n_m", 3e7);
-        let scenario = loader.load(&root().join("scenarios/apas_nominal.toml")).expect("a scenario");
+        let scenario =
+            loader.load(&root().join("scenarios/apas_nominal.toml")).expect("a scenario");
         let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
         let run = Rehearsal::with(&scenario, options).expect("the sides are apart");
         run.run(&mut SummaryOnly).expect("a summary")
     };
-    let of = |s: &Summary| (s.outcome, s.peak_force_n, s.peak_penetration_m, s.failure_reason.clone());
+    let of =
+        |s: &Summary| (s.outcome, s.peak_force_n, s.peak_penetration_m, s.failure_reason.clone());
     let one = run(0.001, 10);
     for (tick_s, steps) in [(0.0001, 1), (0.0005, 5), (0.002, 20)] {
         let other = run(tick_s, steps);
         // Peaks are those up to the tick in which the limit was passed.
         assert_eq!(of(&other).0, of(&one).0, "{tick_s} s: {other:?}");
         let near = (other.peak_force_n / one.peak_force_n - 1.0).abs() < 0.02;
-        assert!(near || one.outcome == Outcome::LimitExceeded, "{tick_s} s: {:?} {:?}", of(&other), of(&one));
+        assert!(
+            near || one.outcome == Outcome::LimitExceeded,
+            "{tick_s} s: {:?} {:?}",
+            of(&other),
+            of(&one)
+        );
         let passed = |s: &Summary| s.outcome == Outcome::Captured && s.failure_reason.is_some();
         assert!(!passed(&other) && !passed(&one));
     }
@@ -229,10 +307,19 @@ fn runs() -> &'static Path {
             let speed = format!("initial.axial_speed_m_s={speed}");
             let out = dir.path().join(name);
             let words = [
-                "rehearse", "scenarios/basic_central_impact.toml", "--twin", "reduced", "--no-rrd", "--set",
-                "run.duration_s=0.25", "--set", &speed, "--out",
+                "rehearse",
+                "scenarios/basic_central_impact.toml",
+                "--twin",
+                "reduced",
+                "--no-rrd",
+                "--set",
+                "run.duration_s=0.25",
+                "--set",
+                &speed,
+                "--out",
             ];
-            let words: Vec<&OsStr> = words.iter().map(OsStr::new).chain([out.as_os_str()]).collect();
+            let words: Vec<&OsStr> =
+                words.iter().map(OsStr::new).chain([out.as_os_str()]).collect();
             let done = docktwin(&words, &root());
             assert!(matches!(done.status.code(), Some(0 | 1)), "{}", said(&done));
         }
@@ -267,20 +354,39 @@ fn oracle_what_is_not_the_run_is_told_by_every_reader() {
     type Change = fn(&Path);
     let cases: &[(&str, Change)] = &[
         ("a log cut by a third", |r| edit(r, "run.mcap", |b| b.truncate(b.len() * 2 / 3))),
-        ("a log without its last byte", |r| edit(r, "run.mcap", |b| drop(b.pop()))),
-        ("a log with one byte flipped", |r| edit(r, "run.mcap", |b| { let n = b.len() / 2; b[n] ^= 1; })),
-        ("a log with its middle gone", |r| edit(r, "run.mcap", |b| { let n = b.len(); b.drain(n / 3..n / 2); })),
+        ("a log without its last byte", |r| edit(r, "run.mcap", |b| b.truncate(b.len() - 1))),
+        ("a log with one byte flipped", |r| {
+            edit(r, "run.mcap", |b| {
+                let n = b.len() / 2;
+                b[n] ^= 1;
+            })
+        }),
+        ("a log with its middle gone", |r| {
+            edit(r, "run.mcap", |b| {
+                let n = b.len();
+                b.drain(n / 3..n / 2);
+            })
+        }),
         ("an empty log", |r| edit(r, "run.mcap", Vec::clear)),
-        ("a log twice in a row", |r| edit(r, "run.mcap", |b| { let again = b.clone(); b.extend(again); })),
+        ("a log twice in a row", |r| {
+            edit(r, "run.mcap", |b| {
+                let again = b.clone();
+                b.extend(again);
+            })
+        }),
         ("the log of another run", |r| swap(r, "run.mcap")),
         ("the summary of another run", |r| swap(r, "summary.json")),
         ("the scenario of another run", |r| swap(r, "scenario.toml")),
-        ("an edited figure", |r| edit(r, "summary.json", |b| {
-            let text = String::from_utf8(b.clone()).expect("text");
-            let (head, rest) = text.split_once("\"peak_force_n\": ").expect("a peak");
-            *b = format!("{head}\"peak_force_n\": 1{rest}").into_bytes();
-        })),
-        ("an edited model", |r| edit(r, "models/chaser/test_8t.urdf", |b| b.extend(b"<!-- -->"))),
+        ("an edited figure", |r| {
+            edit(r, "summary.json", |b| {
+                let text = String::from_utf8(b.clone()).expect("text");
+                let (head, rest) = text.split_once("\"peak_force_n\": ").expect("a peak");
+                *b = format!("{head}\"peak_force_n\": 1{rest}").into_bytes();
+            })
+        }),
+        ("an edited model", |r| {
+            edit(r, "models/models/urdf/test_8t.urdf", |b| b.extend(b"<!-- -->"))
+        }),
     ];
     let mut wrong = Vec::new();
     for (what, change) in cases {
@@ -289,9 +395,11 @@ fn oracle_what_is_not_the_run_is_told_by_every_reader() {
         for words in [&["replay", "one"][..], &["report", "one"], &["diff", "one", "one"]] {
             let done = docktwin(words, dir.path());
             // A run is the same as itself, whatever its models and its scenario are.
-            let same = words[0] == "diff" && ["scenario.toml", "models/"].iter().any(|f| {
-                ["the scenario of another run", "an edited model"].contains(what) && !f.is_empty()
-            });
+            let same = words[0] == "diff"
+                && ["scenario.toml", "models/"].iter().any(|f| {
+                    ["the scenario of another run", "an edited model"].contains(what)
+                        && !f.is_empty()
+                });
             if done.status.code() == Some(0) && !same {
                 wrong.push(format!("{what}: {words:?} is content: {}", said(&done)));
             }
@@ -318,14 +426,27 @@ fn oracle_paths_of_any_bytes_hold_a_run() {
     let dir = tempfile::tempdir().expect("a folder");
     let mut wrong = Vec::new();
     for name in [
-        &b"with blanks and 'quotes'"[..], b"two\nlines", b"100%\\n", b"#hash", b"\xff\xfe not UTF-8", b"-dash",
-        "ünïcode ✓".as_bytes(), b"a=b", b"[x].toml",
+        &b"with blanks and 'quotes'"[..],
+        b"two\nlines",
+        b"100%\\n",
+        b"#hash",
+        b"\xff\xfe not UTF-8",
+        b"-dash",
+        "ünïcode ✓".as_bytes(),
+        b"a=b",
+        b"[x].toml",
     ] {
         let out = dir.path().join(OsString::from_vec(name.to_vec()));
         let shown = String::from_utf8_lossy(name);
         let words: Vec<OsString> = [
-            "rehearse", "scenarios/free_flight.toml", "--twin", "reduced", "--no-rrd", "--set",
-            "run.duration_s=0.05", "--out",
+            "rehearse",
+            "scenarios/free_flight.toml",
+            "--twin",
+            "reduced",
+            "--no-rrd",
+            "--set",
+            "run.duration_s=0.05",
+            "--out",
         ]
         .iter()
         .map(OsString::from)
@@ -354,19 +475,26 @@ fn oracle_full_devices_and_closed_pipes() {
     let mut wrong = Vec::new();
     let mut shell = |line: String, code: i32| {
         let line = format!("set -o pipefail; {line}");
-        let done = Command::new("bash").args(["-c", &line]).current_dir(root()).output().expect("bash");
+        let done =
+            Command::new("bash").args(["-c", &line]).current_dir(root()).output().expect("bash");
         if done.status.code() != Some(code) || said(&done).contains("panicked") {
             wrong.push(format!("`{line}` ends with {:?}: {}", done.status.code(), said(&done)));
         }
     };
     for words in [
-        "scenario explain".to_owned(), "model explain".to_owned(), "model check models/urdf/apas_active.toml".to_owned(),
-        format!("replay {run}"), format!("diff {run} {run} --json"), format!("export {run} --format csv --out -"),
+        "scenario explain".to_owned(),
+        "model explain".to_owned(),
+        "model check models/urdf/apas_active.toml".to_owned(),
+        format!("replay {run}"),
+        format!("diff {run} {run} --json"),
+        format!("export {run} --format csv --out -"),
     ] {
         shell(format!("{binary} {words} > /dev/full"), 1);
     }
     for words in [
-        "scenario explain".to_owned(), "model explain --json".to_owned(), format!("export {run} --format csv --out -"),
+        "scenario explain".to_owned(),
+        "model explain --json".to_owned(),
+        format!("export {run} --format csv --out -"),
     ] {
         shell(format!("{binary} {words} | head -c 10 > /dev/null"), 0);
     }
@@ -378,10 +506,18 @@ fn oracle_full_devices_and_closed_pipes() {
 fn oracle_names_that_are_none_are_refused() {
     let long = "x".repeat(101);
     for (name, good) in [
-        (".hidden", false), ("a/b", false), ("a b", false), ("con:", false), ("..", false), (long.as_str(), false),
-        (&long[1..], true), ("Ünï_9", true), ("2026-11-28.a", true),
+        (".hidden", false),
+        ("a/b", false),
+        ("a b", false),
+        ("con:", false),
+        ("..", false),
+        (long.as_str(), false),
+        (&long[1..], true),
+        ("Ünï_9", true),
+        ("2026-11-28.a", true),
     ] {
-        let loaded = Loader::new().set("name", name).load(&root().join("scenarios/free_flight.toml"));
+        let loaded =
+            Loader::new().set("name", name).load(&root().join("scenarios/free_flight.toml"));
         assert_eq!(loaded.is_ok(), good, "{name}");
     }
     let long = "x".repeat(65);
@@ -400,7 +536,10 @@ fn oracle_figures_that_are_not_known_are_null() {
         let scenario = format!("scenarios/{scenario}.toml");
         let seconds = format!("run.duration_s={seconds}");
         let out = dir.path().join(out);
-        let words = [command, &scenario, "--no-rrd", "--json", "--set", &seconds, "--out"];
+        let rig = if command == "hil" { &["--rig", "emulated"][..] } else { &[] };
+        let words =
+            [&[command, &scenario], rig, &["--no-rrd", "--json", "--set", &seconds, "--out"]]
+                .concat();
         let words: Vec<&OsStr> = words.iter().map(OsStr::new).chain([out.as_os_str()]).collect();
         let done = docktwin(&words, &root());
         let text = fs::read_to_string(out.join("summary.json")).unwrap_or_else(|_| said(&done));

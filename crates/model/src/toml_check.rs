@@ -162,7 +162,8 @@ impl<'a> Checker<'a> {
             let (root, _) = DeTable::parse_recoverable(self.text);
             let has = |(table, name): &(&str, &str)| {
                 let mut parts = table.split('.');
-                let table = parts.try_fold(root.get_ref(), |t, part| t.get(part)?.get_ref().as_table());
+                let table =
+                    parts.try_fold(root.get_ref(), |t, part| t.get(part)?.get_ref().as_table());
                 table.is_some_and(|t| t.contains_key(*name))
             };
             let there = self.places.iter().filter(|p| !p.0.is_empty() && has(p));
@@ -733,7 +734,9 @@ impl<'c, 'a> Table<'c, 'a> {
                     format!("remove it: `{m}` is given already")
                 }
                 (Some(m), _) => format!("did you mean `{m}`?"),
-                (None, Some(m)) if !self.table.is_some_and(|t| t.contains_key(m)) => format!("did you mean `{m}`?"),
+                (None, Some(m)) if !self.table.is_some_and(|t| t.contains_key(m)) => {
+                    format!("did you mean `{m}`?")
+                }
                 (None, _) => "remove it".into(),
             };
             self.cx.push(Problem {

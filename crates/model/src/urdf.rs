@@ -607,7 +607,8 @@ fn place_links(
                 "link",
                 name,
                 "hangs on a cycle of joints".into(),
-                "a URDF is a tree: cut the cycle and let one of its links hang on the others".into(),
+                "a URDF is a tree: cut the cycle and let one of its links hang on the others"
+                    .into(),
             );
             continue;
         }

@@ -49,8 +49,9 @@ pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> Init
     let time = if c.velocity_m_s.x < 0.0 { gap_m / -c.velocity_m_s.x } else { 0.0 };
     let mut plane = first;
     loop {
-        let (bodies, free) = taken_back(system, c, plane, time);
-        if free || !touches || plane > first + PLANE_SEARCH {
+        let last = !touches || plane > first + PLANE_SEARCH;
+        let (bodies, free) = taken_back(system, c, plane, time, last);
+        if free || last {
             return InitialState {
                 bodies,
                 time_to_contact_s: time,
@@ -66,12 +67,14 @@ pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> Init
 const PLANE_SEARCH: f64 = 0.3;
 
 /// States at the start for a plane of first contact, and whether the sides are apart all the way
-/// back from it.
+/// back from it. Without `whole` the way ends where they are not: depths of sides that lie far within each
+/// other take long to find.
 fn taken_back(
     system: &System,
     c: &ContactConditions,
     plane: f64,
     time: f64,
+    whole: bool,
 ) -> ([BodyState; 3], bool) {
     let q_34 = c.attitude.to_quat();
     // e3 is at the origin with the axes of the world for the moment.
@@ -115,8 +118,10 @@ fn taken_back(
         for (b, m) in bodies.iter_mut().zip(mass) {
             b.drift(m, -time / steps);
         }
-        let poses = system.poses(&bodies.map(|b| b.pose()));
-        free &= !system.touches(&poses);
+        free = free && !system.touches(&system.poses(&bodies.map(|b| b.pose())));
+        if !free && !whole {
+            break;
+        }
         left -= 1.0;
     }
     (bodies, free)

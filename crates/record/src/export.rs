@@ -78,8 +78,11 @@ const CONTACT_NUMBERS: [&str; 11] = [
     "friction_w_z_n",
 ];
 
+/// What an export that cannot be written was doing, in [`RecordError::Io`].
+pub const WRITE_EXPORT: &str = "write the export";
+
 fn failed(path: &std::path::Path) -> impl Fn(io::Error) -> RecordError + '_ {
-    move |e| RecordError::io("write the export", path, &e)
+    move |e| RecordError::io(WRITE_EXPORT, path, &e)
 }
 
 /// Appends a cell as text: the shortest decimal that gives the same bits again, 0 or 1 for yes or

@@ -904,10 +904,14 @@ mod tests {
         }
         // What nobody follows may be left empty.
         assert!(RigCommand { plate_attitude: [0.0; 4], ..RigCommand::zero() }.is_in_range());
-        assert!(RigMeasurement { plate_attitude: [0.0; 4], ..RigMeasurement::zero() }.is_in_range());
+        assert!(
+            RigMeasurement { plate_attitude: [0.0; 4], ..RigMeasurement::zero() }.is_in_range()
+        );
         for x in [1e13, -1e300, f64::INFINITY] {
             assert!(!RigCommand { guard_force_n: x, ..track }.is_in_range());
-            assert!(!RigMeasurement { sensor_a: [0.0, 0.0, x, 0.0, 0.0, 0.0], ..all }.is_in_range());
+            assert!(
+                !RigMeasurement { sensor_a: [0.0, 0.0, x, 0.0, 0.0, 0.0], ..all }.is_in_range()
+            );
         }
     }
 

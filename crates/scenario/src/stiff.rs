@@ -86,8 +86,16 @@ impl Moving<'_> {
         self.contact(&mut f);
         if let Some(l) = &self.mechanism.latches {
             f.spring("mechanism.latches.hold_stiffness_n_m", l.hold_stiffness_n_m, f.light.linear);
-            f.spring("mechanism.latches.joined_stiffness_n_m", l.joined_stiffness_n_m, f.light.linear);
-            f.damper("mechanism.latches.joined_damping_n_s_m", l.joined_damping_n_s_m, f.light.linear);
+            f.spring(
+                "mechanism.latches.joined_stiffness_n_m",
+                l.joined_stiffness_n_m,
+                f.light.linear,
+            );
+            f.damper(
+                "mechanism.latches.joined_damping_n_s_m",
+                l.joined_damping_n_s_m,
+                f.light.linear,
+            );
         }
         if let Some(s) = &self.mechanism.stick {
             f.spring("mechanism.stick.stiffness_n_m", s.stiffness_n_m, f.light.linear);
@@ -102,7 +110,11 @@ impl Moving<'_> {
                     ("tilt", &a.tilt, angular),
                     ("roll", &a.roll, angular),
                 ] {
-                    f.channel(&format!("mechanism.attenuation.characteristic.{name}"), channel, light);
+                    f.channel(
+                        &format!("mechanism.attenuation.characteristic.{name}"),
+                        channel,
+                        light,
+                    );
                 }
             }
             Attenuator::Differential(a) => {
@@ -110,7 +122,11 @@ impl Moving<'_> {
                     // The rate of a coordinate is that of the legs by its row.
                     let gain: f64 = a.coupling[i].iter().map(|x| x.abs()).sum();
                     let light = f.light.linear * (gain * gain).min(1.0);
-                    f.channel(&format!("mechanism.attenuation.differential.channels.{i}"), channel, light);
+                    f.channel(
+                        &format!("mechanism.attenuation.differential.channels.{i}"),
+                        channel,
+                        light,
+                    );
                 }
             }
         }
@@ -176,7 +192,13 @@ impl Finder {
     fn take(&mut self, key: &str, value: f64, share: f64, step_s: f64) {
         if share > 1.0 {
             let most = value / share;
-            self.found.push(TooStiff { key: key.to_owned(), value, most, step_s, taken_s: self.step_s });
+            self.found.push(TooStiff {
+                key: key.to_owned(),
+                value,
+                most,
+                step_s,
+                taken_s: self.step_s,
+            });
         }
     }
 

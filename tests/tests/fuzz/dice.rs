@@ -22,7 +22,8 @@ impl<'a> Dice<'a> {
 
     /// Below `n`, which is at most 2^24.
     pub(crate) fn below(&mut self, n: usize) -> usize {
-        let bytes = if n <= 1 << 8 { 1 } else { 1 + usize::from(n > 1 << 8) + usize::from(n > 1 << 16) };
+        let bytes =
+            if n <= 1 << 8 { 1 } else { 1 + usize::from(n > 1 << 8) + usize::from(n > 1 << 16) };
         let x = (0..bytes).fold(0, |x, _| x << 8 | usize::from(self.byte()));
         x % n.max(1)
     }

@@ -94,6 +94,8 @@ struct Seen {
     settled: Option<isize>,
     /// Inputs with a new outcome are added to the corpus.
     keep: bool,
+    /// Inputs are printed before they are tried.
+    show: bool,
 }
 
 impl Seen {
@@ -107,11 +109,15 @@ impl Seen {
             most: Default::default(),
             settled: None,
             keep: std::env::var_os("DOCKTWIN_FUZZ_KEEP").is_some(),
+            show: std::env::var_os("DOCKTWIN_FUZZ_SHOW").is_some(),
         }
     }
 
     /// Tries one input; `show` tells what it is when it fails.
-    fn judge(&mut self, input: &[u8], judge: impl FnOnce() -> String, show: impl FnOnce() -> String) {
+    fn judge(&mut self, input: &[u8], judge: impl FnOnce() -> String, show: impl Fn() -> String) {
+        if self.show {
+            eprintln!("{}: {input:?} is\n{}", self.name, show());
+        }
         self.watch.begin(input);
         let begin = Instant::now();
         let (outcome, bytes) = memory::peak_of(|| catch_unwind(AssertUnwindSafe(judge)));

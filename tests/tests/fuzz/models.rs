@@ -67,9 +67,10 @@ pub(crate) fn judge_model(world: &World, d: &Damaged) -> String {
         return refused(&e.problems);
     }
     let named = format!("models/urdf/{stem}.urdf");
-    let user = world.names("scenarios/", ".toml").into_iter().find(|s| {
-        String::from_utf8_lossy(&world.files[*s]).contains(&named)
-    });
+    let user = world
+        .names("scenarios/", ".toml")
+        .into_iter()
+        .find(|s| String::from_utf8_lossy(&world.files[*s]).contains(&named));
     let Some(user) = user else { return "accepted, in no scenario".to_owned() };
     // In contact after some milliseconds.
     let loader = Loader::new().set("initial.gap_m", 0.002).set("initial.axial_speed_m_s", 0.3);
@@ -144,7 +145,8 @@ fn rig_moves(sources: &Sources, stem: &str) -> String {
         };
         rig.send(&c).expect("it is in this process");
         let got = rig.receive(core::time::Duration::ZERO, (tick + 1) * 1_000_000);
-        last = got.unwrap_or_else(|e| panic!("accepted, and in tick {tick}: {e}")).expect("an answer");
+        last =
+            got.unwrap_or_else(|e| panic!("accepted, and in tick {tick}: {e}")).expect("an answer");
     }
     format!("the rig moves, enabled: {}", last.is(Status::ENABLED))
 }

@@ -18,12 +18,33 @@ use crate::world::{World, place, refused_run};
 
 /// Numbers that are put into a message.
 const NUMBERS: [f64; 24] = [
-    0.0, -0.0, 1.0, -1.0, 1e-320, 1e-12, 1e-3, 0.5, 2.0, 10.0, -10.0, 1e3, -1e3, 1e6, 1e9, -1e12, 1e100, 1e154,
-    -1e200, 1e308, f64::MAX, f64::NAN, f64::INFINITY, f64::NEG_INFINITY,
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    1e-320,
+    1e-12,
+    1e-3,
+    0.5,
+    2.0,
+    10.0,
+    -10.0,
+    1e3,
+    -1e3,
+    1e6,
+    1e9,
+    -1e12,
+    1e100,
+    1e154,
+    -1e200,
+    1e308,
+    f64::MAX,
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
 ];
 /// Whole numbers that are put into a message.
-const WHOLE: [u64; 12] =
-    [0, 1, 2, 3, 4, 6, 7, 12, 1_000_000, u32::MAX as u64, 1 << 63, u64::MAX];
+const WHOLE: [u64; 12] = [0, 1, 2, 3, 4, 6, 7, 12, 1_000_000, u32::MAX as u64, 1 << 63, u64::MAX];
 
 /// Damages bytes of a message in a few fields.
 fn damaged(good: &[u8], dice: &mut Dice<'_>) -> Vec<u8> {
@@ -191,7 +212,11 @@ impl Rig for Faulty<'_> {
         self.rig.send(command)
     }
 
-    fn receive(&mut self, patience: Duration, now_ns: u64) -> Result<Option<RigMeasurement>, RigError> {
+    fn receive(
+        &mut self,
+        patience: Duration,
+        now_ns: u64,
+    ) -> Result<Option<RigMeasurement>, RigError> {
         let Some(good) = self.rig.receive(patience, now_ns)? else { return Ok(None) };
         self.seen += 1;
         if self.seen < self.from || self.seen >= self.from + self.ticks {
@@ -211,8 +236,7 @@ fn whole_loop(start: &Start, dice: &mut Dice<'_>) -> String {
     let (from, ticks) = (dice.below(4000) as u64, dice.below(200) as u64);
     let damage: Vec<u8> = (0..16).map(|_| dice.byte()).collect();
     let rig = InProcess::new(start.rig.clone());
-    let rig =
-        Faulty { rig, sequence: Sequence::default(), from, ticks, seen: 0, damage: &damage };
+    let rig = Faulty { rig, sequence: Sequence::default(), from, ticks, seen: 0, damage: &damage };
     let run = HilRun::new(&start.scenario, HilOptions::default()).expect("it is shipped");
     match run.run(rig, &mut SummaryOnly) {
         Ok(summary) => {

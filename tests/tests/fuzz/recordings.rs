@@ -232,5 +232,8 @@ fn other_readers(start: &Start) {
     assert_eq!(ticks.len() as u64, done.ticks);
     let foreign = reader.cut().is_some_and(|c| c.flaw == Flaw::Foreign);
     assert!(start.has(&ticks) || foreign, "recovered rows that were not recorded: {done:?}");
-    assert!(!recover(run).expect("it was recovered").changed(), "a second recovery changed something");
+    assert!(
+        !recover(run).expect("it was recovered").changed(),
+        "a second recovery changed something"
+    );
 }

@@ -131,11 +131,11 @@ fn empty_run(at: &Path) {
 }
 
 fn other_models(at: &Path) {
-    change(at, "a/models/chaser/test_8t.toml", "# ", "#  ");
+    change(at, "a/models/models/urdf/test_8t.toml", "# ", "#  ");
 }
 
 fn models_of_that_day(at: &Path) {
-    change(at, "a/models/chaser/test_8t.toml", "#  ", "# ");
+    change(at, "a/models/models/urdf/test_8t.toml", "#  ", "# ");
 }
 
 fn foreign_scenario(at: &Path) {
@@ -288,14 +288,20 @@ pub(crate) const CASES: &[Case] = &[
         "name a rig, or leave --mechanism out",
         "model check models/urdf/chaser_8t.toml --mechanism models/urdf/apas_active.urdf",
         &[
-            (nothing, "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf"),
+            (
+                nothing,
+                "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf",
+            ),
             (nothing, "model check models/urdf/chaser_8t.toml"),
         ],
     ),
     words(
         "name `…_active.urdf`, with `…_passive.urdf` beside it",
         "model check models/urdf/stewart.toml --mechanism models/urdf/chaser_8t.urdf",
-        &[(nothing, "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf")],
+        &[(
+            nothing,
+            "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf",
+        )],
     ),
     Case {
         remedy: "turn the docking axis into the vertical and let [offload] of the rig's file carry the ring, \
@@ -303,8 +309,14 @@ pub(crate) const CASES: &[Case] = &[
         breaks: lies,
         fails: "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf",
         ways: &[
-            (nothing, "model check models/urdf/stewart.toml --mechanism models/urdf/guide_active.urdf"),
-            (shipped_rig, "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf"),
+            (
+                nothing,
+                "model check models/urdf/stewart.toml --mechanism models/urdf/guide_active.urdf",
+            ),
+            (
+                shipped_rig,
+                "model check models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf",
+            ),
         ],
     },
     words(
@@ -363,7 +375,10 @@ pub(crate) const CASES: &[Case] = &[
         remedy: "check the disk and the path",
         breaks: a_file,
         fails: "rehearse free_flight.toml --no-rrd --set run.duration_s=0.1 --out file/run",
-        ways: &[(nothing, "rehearse free_flight.toml --no-rrd --set run.duration_s=0.1 --out folder/run")],
+        ways: &[(
+            nothing,
+            "rehearse free_flight.toml --no-rrd --set run.duration_s=0.1 --out folder/run",
+        )],
     },
     words("check the path", "replay models", &[(nothing, "replay a")]),
     words(
@@ -385,34 +400,46 @@ pub(crate) const CASES: &[Case] = &[
     ),
     words(
         "leave run.tick_s at 0.001 for `hil`",
-        "hil free_flight.toml --set run.tick_s=0.0005 --set run.duration_s=0.1",
-        &[(nothing, "hil free_flight.toml --set run.duration_s=0.1 --no-rrd --out hil")],
+        "hil free_flight.toml --rig emulated --set run.tick_s=0.0005 --set run.duration_s=0.1",
+        &[(
+            nothing,
+            "hil free_flight.toml --rig emulated --set run.duration_s=0.1 --no-rrd --out hil",
+        )],
     ),
     words(
         "name it with --model RIG.toml, or as loop.rig in the scenario",
-        "hil free_flight.toml --set loop.rig=stewart.urdf --set run.duration_s=0.1",
+        "hil free_flight.toml --rig emulated --set loop.rig=stewart.urdf --set run.duration_s=0.1",
         &[(
             nothing,
-            "hil free_flight.toml --set loop.rig=models/urdf/stewart.urdf --set run.duration_s=0.1 --no-rrd \
+            "hil free_flight.toml --rig emulated --set loop.rig=models/urdf/stewart.urdf --set run.duration_s=0.1 --no-rrd \
              --out hil",
         )],
     ),
     words(
         "give a smaller initial.gap_m or other initial conditions; `docktwin analyze workspace RIG.toml` tells \
          what the rig reaches",
-        "hil free_flight.toml --set initial.gap_m=2.0 --set run.duration_s=0.1",
-        &[(nothing, "hil free_flight.toml --set initial.gap_m=0.05 --set run.duration_s=0.1 --no-rrd --out hil")],
+        "hil free_flight.toml --rig emulated --set initial.gap_m=2.0 --set run.duration_s=0.1",
+        &[(
+            nothing,
+            "hil free_flight.toml --rig emulated --set initial.gap_m=0.05 --set run.duration_s=0.1 --no-rrd --out hil",
+        )],
     ),
     Case {
         remedy: "add one; models/urdf/stewart.toml is an example",
         breaks: blind,
-        fails: "hil free_flight.toml --set run.duration_s=0.1",
-        ways: &[(shipped_rig, "hil free_flight.toml --set run.duration_s=0.1 --no-rrd --out hil")],
+        fails: "hil free_flight.toml --rig emulated --set run.duration_s=0.1",
+        ways: &[(
+            shipped_rig,
+            "hil free_flight.toml --rig emulated --set run.duration_s=0.1 --no-rrd --out hil",
+        )],
     },
     words(
         "give 0 to {} ms with --lead-ms",
-        "hil free_flight.toml --lead-ms 4000 --set run.duration_s=0.1",
-        &[(nothing, "hil free_flight.toml --lead-ms 4 --set run.duration_s=0.1 --no-rrd --out hil")],
+        "hil free_flight.toml --rig emulated --lead-ms 4000 --set run.duration_s=0.1",
+        &[(
+            nothing,
+            "hil free_flight.toml --rig emulated --lead-ms 4 --set run.duration_s=0.1 --no-rrd --out hil",
+        )],
     ),
     words(
         "name one",
@@ -471,10 +498,7 @@ pub(crate) const CASES: &[Case] = &[
     words(
         "view each by itself; `docktwin diff` compares their numbers",
         "view --compare free bare --save v.rrd",
-        &[
-            (nothing, "view free --save v.rrd"),
-            (nothing, "diff free bare --tolerance 1e-3"),
-        ],
+        &[(nothing, "view free --save v.rrd"), (nothing, "diff free bare --tolerance 1e-3")],
     ),
 ];
 
@@ -488,7 +512,8 @@ fn wrong(good: &Path, case: &Case) -> Option<String> {
     let value: serde_json::Value = serde_json::from_str(&said).unwrap_or_default();
     let problems = value["problems"].as_array().cloned().unwrap_or_default();
     let says = problems.iter().any(|p| {
-        let [remedy, what] = ["remedy", "what"].map(|k| p[k].as_str().unwrap_or_default().to_owned());
+        let [remedy, what] =
+            ["remedy", "what"].map(|k| p[k].as_str().unwrap_or_default().to_owned());
         // A recording's failure has its remedy within the sentence.
         is_of(&remedy, case.remedy) || what.contains(case.remedy)
     });
@@ -499,7 +524,10 @@ fn wrong(good: &Path, case: &Case) -> Option<String> {
         mend(&at);
         let (code, said) = docktwin(words, &at);
         if !matches!(code, Some(0 | 1)) {
-            return Some(format!("{:?}, obeyed with `{words}`, ends {code:?}:\n{said}", case.remedy));
+            return Some(format!(
+                "{:?}, obeyed with `{words}`, ends {code:?}:\n{said}",
+                case.remedy
+            ));
         }
     }
     None

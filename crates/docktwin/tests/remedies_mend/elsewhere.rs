@@ -26,29 +26,45 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
     (
         &[
             "a leg stands on its limit switch: drive it off by hand",
+            "pressed: release it",
             "joined, or held by a latch, since the run before: draw back with `docktwin rig retract`",
             "fix what failed and arm again; nothing has moved",
         ],
-        Test("crates/hil/tests/supervised.rs", "invariant_every_shortfall_is_refused_with_a_line_of_its_own"),
+        Test(
+            "crates/hil/tests/supervised.rs",
+            "invariant_every_shortfall_is_refused_with_a_line_of_its_own",
+        ),
     ),
     (
         &["free some space or choose another disk with --out"],
-        Test("crates/docktwin/tests/nothing_is_lost.rs", "invariant_a_full_disk_is_one_error_and_what_was_written_stays"),
+        Test(
+            "crates/docktwin/tests/nothing_is_lost.rs",
+            "invariant_a_full_disk_is_one_error_and_what_was_written_stays",
+        ),
     ),
     (
         &["choose a directory you may write to with --out"],
-        Test("crates/docktwin/tests/nothing_is_lost.rs", "invariant_a_run_that_cannot_begin_is_bad_input"),
+        Test(
+            "crates/docktwin/tests/nothing_is_lost.rs",
+            "invariant_a_run_that_cannot_begin_is_bad_input",
+        ),
     ),
     (
         &[
             "install it:\n{install}\nor name a Python that has it",
             "{}: --python PATH, or DOCKTWIN_PYTHON in the environment",
         ],
-        Test("crates/docktwin/tests/validate.rs", "regress_a_missing_python_says_how_to_install_it"),
+        Test(
+            "crates/docktwin/tests/validate.rs",
+            "regress_a_missing_python_says_how_to_install_it",
+        ),
     ),
     (
         &["name it: --validation DIR", "name it", "give the one that holds {ENTRY}"],
-        Test("crates/study/src/crosscheck/second.rs", "regress_what_is_missing_is_named_with_what_to_do"),
+        Test(
+            "crates/study/src/crosscheck/second.rs",
+            "regress_what_is_missing_is_named_with_what_to_do",
+        ),
     ),
     (
         &[
@@ -66,11 +82,17 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "{install}\nor name it: --viewer PATH. Without a display: --save FILE.rrd",
             "without a display, write the file with --save FILE.rrd and open it elsewhere",
         ],
-        Test("crates/docktwin/tests/view.rs", "invariant_without_a_viewer_the_error_names_the_command_that_installs_it"),
+        Test(
+            "crates/docktwin/tests/view.rs",
+            "invariant_without_a_viewer_the_error_names_the_command_that_installs_it",
+        ),
     ),
     (
         &["switch them off once: {} analytics disable"],
-        Test("crates/docktwin/tests/view.rs", "invariant_the_viewer_is_opened_with_statistics_off_or_not_at_all"),
+        Test(
+            "crates/docktwin/tests/view.rs",
+            "invariant_the_viewer_is_opened_with_statistics_off_or_not_at_all",
+        ),
     ),
     (
         &[
@@ -143,6 +165,18 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
         Nowhere("they change the machine, or need a user who is not root"),
     ),
     (
+        &["above 0, at most 0.05 m", "at least one"],
+        Nowhere("bounds of options of a library, which the parser of the command line keeps"),
+    ),
+    (
+        &[
+            "{rows} rows are more than a MATLAB level 5 file can hold; export with --every, or as csv",
+            "`{name}` is longer than the {NAME_MAX} characters of a MATLAB name; leave it out with --columns, or export \
+             as csv",
+        ],
+        Nowhere("no recording of ours has such a name, and one of so many rows has 2 GB"),
+    ),
+    (
         &[
             "show it with the version that made it, or rehearse again",
             "the recording was made by another version; replay it with that one",
@@ -170,7 +204,9 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "the runs are written; `docktwin diff` compares them",
             "docktwin's own run is written; what the second engine can run is in validation/README.md",
         ],
-        Nowhere("what they are about is refused before, by a remedy that is tried, when a file is read"),
+        Nowhere(
+            "what they are about is refused before, by a remedy that is tried, when a file is read",
+        ),
     ),
     (
         &[
@@ -183,6 +219,8 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "leave it out: the lead then follows the rig",
             "docktwin view --compare RUN_A RUN_B",
         ],
-        Nowhere("they take minutes of computing to be asked for and to be obeyed, or the parser asks before"),
+        Nowhere(
+            "they take minutes of computing to be asked for and to be obeyed, or the parser asks before",
+        ),
     ),
 ];

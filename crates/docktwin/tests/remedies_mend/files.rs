@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use docktwin_model::{
-    Problem, Sources, load_mechanism_from, load_rig_from, load_spacecraft_from,
-};
+use docktwin_model::{Problem, Sources, load_mechanism_from, load_rig_from, load_spacecraft_from};
 use docktwin_scenario::Loader;
 
 use crate::texts::is_of;
@@ -67,7 +65,8 @@ fn shipped() -> Files {
         for entry in fs::read_dir(root.join(folder)).expect("a folder") {
             let path = entry.expect("an entry").path();
             let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-            let bytes = if folder == "meshes" { Vec::new() } else { fs::read(&path).expect("a file") };
+            let bytes =
+                if folder == "meshes" { Vec::new() } else { fs::read(&path).expect("a file") };
             files.insert(format!("{folder}/{name}"), bytes);
         }
     }
@@ -218,17 +217,17 @@ fn spacecraft_urdf() -> Vec<Case> {
             ],
         ),
         undo("remove it; known here: {}", &[(U, "<mass ", "<mass unit=\"kg\" ")]),
-        undo("remove it: `{tag}` has no attributes", &[(U, "<inertial>", "<inertial unit=\"kg\">")]),
+        undo(
+            "remove it: `{tag}` has no attributes",
+            &[(U, "<inertial>", "<inertial unit=\"kg\">")],
+        ),
         undo("remove the text", &[(U, "<parent link", "text<parent link")]),
         undo("add one `{name}`", &[(U, MASS, "<!-- no mass -->")]),
         undo("leave one `{name}`", &[(U, MASS, "<mass value=\"1\"/><mass value=\"7960.9\"/>")]),
         undo("add {name}=\"…\"", &[(U, "<inertia ixx=\"7254.37\" ", "<inertia ")]),
         undo("mend the element", &[(U, "type=\"fixed\"", "type=\"glued\"")]),
         case("URDF needs six: close the elements", &[(U, "</robot>", deep)], &[&[(U, deep, flat)]]),
-        undo(
-            "URDF needs six at most: remove them",
-            &[(U, "<robot name=\"chaser_8t\">", crowded)],
-        ),
+        undo("URDF needs six at most: remove them", &[(U, "<robot name=\"chaser_8t\">", crowded)]),
         undo(
             "a model of a docking needs some hundred: leave out what is not needed",
             &[(U, "</robot>", comments)],
@@ -272,10 +271,7 @@ fn trees() -> Vec<Case> {
             &[(U, "<child link=\"port\"/>", "<child link=\"prot\"/>")],
         ),
         undo("add the link or name one of {}", &[(U, PORT, "<!-- port -->")]),
-        undo(
-            "a URDF is a tree: leave one; loops are closed in the TOML",
-            &[(U, END, TWICE)],
-        ),
+        undo("a URDF is a tree: leave one; loops are closed in the TOML", &[(U, END, TWICE)]),
         undo(
             "a URDF is a tree: remove the joint above the link that is to be its root",
             &[(U, END, BACK)],
@@ -295,7 +291,10 @@ fn meshes() -> Vec<Case> {
     const SCALED: &str = "\"../../meshes/chaser_8t_hull.obj\" scale=\"0.001 0.001 0.001\"";
     let named = |remedy, name| undo(remedy, &[(U, HULL, name)]);
     vec![
-        named("give the path from the folder of the URDF", "\"/shipped/meshes/chaser_8t_hull.obj\""),
+        named(
+            "give the path from the folder of the URDF",
+            "\"/shipped/meshes/chaser_8t_hull.obj\"",
+        ),
         named("give the path from the folder of the URDF", "\"package://x/chaser_8t_hull.obj\""),
         named(
             "name a file that ends in .obj, .stl, .dae, .ply, .gltf or .glb",
@@ -317,8 +316,7 @@ fn meshes() -> Vec<Case> {
 fn spacecraft_toml() -> Vec<Case> {
     const U: &str = "chaser.urdf";
     const T: &str = "chaser.toml";
-    const MASS: &str =
-        "give masses in kg (CAD often writes g), and the hull its size in m";
+    const MASS: &str = "give masses in kg (CAD often writes g), and the hull its size in m";
     const INERTIA: &str = "give inertias in kg·m² about the mass centre (CAD often writes kg·mm² or g·mm²), \
                            and the hull its size in m";
     const SMALL: &str = "give inertias in kg·m² about the mass centre, and masses in kg";
@@ -364,7 +362,7 @@ fn keys() -> Vec<Case> {
     vec![
         undo("change the value", &[(T, "value = 1.35", "value = 0")]),
         undo("change the value", &[(S, "roll_deg = 2.0", "roll_deg = \"two\"")]),
-        undo("add {key} = {NOTED}", &[(T, radius, "")]),
+        undo("add {key} = {NOTED}", &[(T, radius, "# no radius\n")]),
         undo("add {key} = {NOTE}", &[(T, note, "# no note\n")]),
         undo("write {key} = {form}", &[(T, radius, "radius_m = 1.35\n")]),
         case(
@@ -411,7 +409,11 @@ fn mechanism_parts() -> Vec<Case> {
         case(
             "make the section thinner than the ring",
             &[("bare.toml", "mean_radius_m = { value = 0.6", "mean_radius_m = { value = 0.02")],
-            &[&[("bare.toml", "section_radius_m = { value = 0.025", "section_radius_m = { value = 0.01")]],
+            &[&[(
+                "bare.toml",
+                "section_radius_m = { value = 0.025",
+                "section_radius_m = { value = 0.01",
+            )]],
         ),
         undo(
             "make the half-angles smaller",
@@ -427,7 +429,11 @@ fn mechanism_parts() -> Vec<Case> {
         ),
         undo(
             "make the opening wider than the stick",
-            &[("stick.toml", "frame_opening_m = { value = 0.0275", "frame_opening_m = { value = 0.0075")],
+            &[(
+                "stick.toml",
+                "frame_opening_m = { value = 0.0275",
+                "frame_opening_m = { value = 0.0075",
+            )],
         ),
         undo(
             "make element ij equal to element ji",
@@ -472,12 +478,13 @@ fn attenuation() -> Vec<Case> {
     let described = |tables: &str, word: &str| {
         kept(format!("default = \"{word}\"\n{RAMP}\n{tables}\n# Passing one"))
     };
+    const S: &str = "scenario";
     let rest = "default = \"rigid\"\n\n# Passing one";
     let asked = "default = \"characteristic\"\n\n# Passing one";
     let with = described(characteristic, "characteristic");
-    let choose = "attenuation = \"rigid\"";
-    let chosen = "attenuation = \"differential\"";
-    let with_legs = described(differential, "rigid");
+    let mechanism = "passive = \"models/urdf/apas_passive.urdf\"\n";
+    let chosen = kept(format!("{mechanism}attenuation = \"differential\"\n"));
+    let other = kept(format!("{mechanism}attenuation = \"characteristic\"\n"));
     let coupling = part(A, "  [0.577350269189626, 0.577350269189626", "\n");
     let doubled = part(A, "  [0.166666666666667, 0.166666666666667", "\n");
     let base = part(A, "  [0.000000000, 0.512206990, 0.400179959],", "], assumed");
@@ -496,8 +503,8 @@ fn attenuation() -> Vec<Case> {
         ),
         case(
             "add the table, or choose another attenuation",
-            &[("bare_scenario", choose, chosen)],
-            &[&[("bare.toml", rest, with_legs)], &[("bare_scenario", chosen, choose)]],
+            &[(S, mechanism, chosen), (A, differential, "# no legs\n\n")],
+            &[&[(A, "# no legs\n\n", differential)], &[(S, chosen, other)]],
         ),
         case(
             "give the damping or the brake's viscous part a value above 0",
@@ -506,14 +513,21 @@ fn attenuation() -> Vec<Case> {
         ),
         undo(
             "lower it to the loading branch or below",
-            &[(A, &AXIAL.replace("loading", "unloading").leak()[..], kept(AXIAL.replace("loading", "unloading").replace("45000", "46000")))],
+            &[(
+                A,
+                &AXIAL.replace("loading", "unloading").leak()[..],
+                kept(AXIAL.replace("loading", "unloading").replace("45000", "46000")),
+            )],
         ),
-        undo("start with [0, F0]", &[(A, AXIAL, kept(AXIAL.replace("[[0.0, 0.0]", "[[0.01, 0.0]")))]),
-        undo("sort or mend the points", &[(A, AXIAL, kept(AXIAL.replace("]]", "], [0.1, 46000.0]]")))]),
         undo(
-            "give [[attenuation.differential.channels]] six times",
-            &[(A, last, "# five\n")],
+            "start with [0, F0]",
+            &[(A, AXIAL, kept(AXIAL.replace("[[0.0, 0.0]", "[[0.01, 0.0]")))],
         ),
+        undo(
+            "sort or mend the points",
+            &[(A, AXIAL, kept(AXIAL.replace("]]", "], [0.1, 46000.0]]")))],
+        ),
+        undo("give [[attenuation.differential.channels]] six times", &[(A, last, "# five\n")]),
         undo("make the six rows independent", &[(A, coupling, doubled)]),
         undo(
             "move the joints, so that the legs are neither parallel nor meet in one line",
@@ -526,18 +540,28 @@ fn both_sides() -> Vec<Case> {
     const A: &str = "active.toml";
     const P: &str = "passive.toml";
     const U: &str = "passive.urdf";
-    let wide = "base_half_angle_deg = { value = 29.3";
     let narrow = "base_half_angle_deg = { value = 28.0";
-    let (thick, thin) = ("thickness_m = { value = 0.02", "thickness_m = { value = 0.005");
+    let (tip, wide_tip) =
+        ("tip_half_angle_deg = { value = 14.0", "tip_half_angle_deg = { value = 37.0");
+    let thick = "thickness_m = { value = 0.02";
     let first = "<child link=\"petal_0\"/>\n    <origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>";
     let turned = kept(first.replace("rpy=\"0 0 0\"", "rpy=\"1.0471975511965976 0 0\""));
     vec![
-        undo("give both sides the same count", &[(P, "count = { value = 3", "count = { value = 4")]),
-        undo("make one of the half-angles smaller", &[(P, narrow, "base_half_angle_deg = { value = 33.0")]),
+        undo(
+            "give both sides the same count",
+            &[(P, "count = { value = 3", "count = { value = 4")],
+        ),
+        undo(
+            "make one of the half-angles smaller",
+            &[(P, narrow, "base_half_angle_deg = { value = 33.0")],
+        ),
         case(
             "make the petals of one side narrower or thinner",
-            &[(A, narrow, wide), (P, narrow, wide)],
-            &[&[(P, wide, narrow)], &[(A, thick, thin)]],
+            &[(A, tip, wide_tip), (P, tip, wide_tip)],
+            &[
+                &[(P, wide_tip, tip), (P, narrow, "base_half_angle_deg = { value = 20.0")],
+                &[(P, thick, "thickness_m = { value = 0.002")],
+            ],
         ),
         undo(
             "turn the petals, in the URDF too, to first_azimuth_deg = {deg:.3}",
@@ -558,7 +582,7 @@ fn both_sides() -> Vec<Case> {
             &[
                 &[(A, "base_radius_m = { value = 0.602", "base_radius_m = { value = 0.597")],
                 &[(A, thick, "thickness_m = { value = 0.01")],
-                &[(P, "section_radius_m = { value = 0.025", "section_radius_m = { value = 0.02")],
+                &[(P, "section_radius_m = { value = 0.025", "section_radius_m = { value = 0.012")],
             ],
         ),
         undo(
@@ -603,7 +627,10 @@ fn rig_files() -> Vec<Case> {
             "make it at least the Coulomb friction",
             &[(T, "static_n = { value = 650.0", "static_n = { value = 400.0")],
         ),
-        undo("change the type of the joint", &[(U, "type=\"prismatic\"", "type=\"fixed\"")]),
+        undo(
+            "change the type of the joint",
+            &[(U, "\"stroke_0\" type=\"prismatic\"", "\"stroke_0\" type=\"fixed\"")],
+        ),
         undo(
             "it is the root: name another link in the TOML",
             &[(T, "rod = \"rod_0\"", "rod = \"ground\"")],
@@ -614,16 +641,32 @@ fn rig_files() -> Vec<Case> {
         ),
         undo(
             "add an inertial with mass and inertia",
-            &[(U, rod, "<link name=\"rod_0\"><!-- "), (U, "</inertial>\n  </link>\n  <joint name=\"swing_0\"", "-->\n  </link>\n  <joint name=\"swing_0\"")],
+            &[
+                (U, rod, "<link name=\"rod_0\"><!-- "),
+                (
+                    U,
+                    "</inertial>\n  </link>\n  <joint name=\"swing_0\"",
+                    "-->\n  </link>\n  <joint name=\"swing_0\"",
+                ),
+            ],
         ),
-        undo("close every loop once, each with a rod of its own", &[(T, "rod = \"rod_1\"", "rod = \"rod_0\"")]),
+        undo(
+            "close every loop once, each with a rod of its own",
+            &[(T, "rod = \"rod_1\"", "rod = \"rod_0\" # again")],
+        ),
         case(
             "fix it to one of them, or remove it",
             &[(U, "</robot>", spare)],
             &[&[(U, spare, fixed)], &[(U, spare, "</robot>")]],
         ),
-        undo("make the ground its parent", &[(U, plate, kept(plate.replace("\"ground\"/", "\"rack\"/")))]),
-        undo("make the ground its parent", &[(U, swing, kept(swing.replace("\"ground\"/", "\"rack\"/")))]),
+        undo(
+            "make the ground its parent",
+            &[(U, plate, kept(plate.replace("\"ground\"/", "\"rack\"/")))],
+        ),
+        undo(
+            "make the ground its parent",
+            &[(U, swing, kept(swing.replace("\"ground\"/", "\"rack\"/")))],
+        ),
         case(
             "write this p_34, or move the plate by its floating joint and close the loops there",
             &[(T, "middle_p_34_m = { value = [0.6,", "middle_p_34_m = { value = [0.7,")],
@@ -632,7 +675,11 @@ fn rig_files() -> Vec<Case> {
         undo(
             "let the floating joint of the URDF turn the plate until R_34 is not turned, and the loops close \
              there",
-            &[(U, "<origin xyz=\"2.6 0 0\" rpy=\"0 0 0\"", "<origin xyz=\"2.6 0 0\" rpy=\"0.01 0 0\"")],
+            &[(
+                U,
+                "<origin xyz=\"2.6 0 0\" rpy=\"0 0 0\"",
+                "<origin xyz=\"2.6 0 0\" rpy=\"0.01 0 0\"",
+            )],
         ),
         undo(
             "give all six rods the same limits",
@@ -640,10 +687,17 @@ fn rig_files() -> Vec<Case> {
         ),
         undo(
             "join them by fixed joints",
-            &[(U, "<joint name=\"rack_active\" type=\"fixed\"", "<joint name=\"rack_active\" type=\"floating\"")],
+            &[(
+                U,
+                "<joint name=\"rack_active\" type=\"fixed\"",
+                "<joint name=\"rack_active\" type=\"floating\"",
+            )],
         ),
-        undo("move its plate joint away from its base", &[(U, stroke, "<origin xyz=\"0 0 0\"")]),
-        undo("turn its axis, or move the joints", &[(U, slides, kept(slides.replace("1 0 0", "1 0.1 0")))]),
+        undo("move its plate joint away from its base", &[(U, stroke, "<origin xyz=\"0.0 0 0\"")]),
+        undo(
+            "turn its axis, or move the joints",
+            &[(U, slides, kept(slides.replace("1 0 0", "1 0.1 0")))],
+        ),
         undo(
             "put the mass centre of the cross at its joint",
             &[(U, cross, kept(cross.replace("0 0 0", "0.1 0 0")))],
@@ -656,7 +710,11 @@ fn rig_files() -> Vec<Case> {
         ),
         undo(
             "mend the points, or the origins of the rod's joint and of the plate's",
-            &[(T, "rod_point_m = { value = [0.0, 0.0, 0.0]", "rod_point_m = { value = [0.01, 0.0, 0.0]")],
+            &[(
+                T,
+                "rod_point_m = { value = [0.0, 0.0, 0.0]",
+                "rod_point_m = { value = [0.01, 0.0, 0.0]",
+            )],
         ),
         undo("make lower < 0 < upper", &[(U, "lower=\"-0.7\"", "lower=\"0.1\"")]),
         undo("make both positive", &[(U, rod_0, kept(rod_0.replace("60000", "0")))]),
@@ -715,7 +773,10 @@ fn rig_geometry() -> Vec<Case> {
         case(
             "remove [offload], or give gravity",
             &[(T, stand, "gravity_m_s2 = { value = [0.0, 0.0, 0.0]")],
-            &[&[(T, balance, "")], &[(T, "[0.0, 0.0, 0.0], assumed = \"9.81", "[-9.81, 0.0, 0.0], assumed = \"9.81")]],
+            &[
+                &[(T, balance, "")],
+                &[(T, "[0.0, 0.0, 0.0], assumed = \"9.81", "[-9.81, 0.0, 0.0], assumed = \"9.81")],
+            ],
         ),
         case(
             "turn the docking axis into the vertical, or remove [offload]",
@@ -742,7 +803,8 @@ fn scenario() -> Vec<Case> {
     const S: &str = "scenario";
     const LAW: &str = "[initial]";
     let contact = |keys: &str| kept(format!("[mechanism.contact]\n{keys}\n\n[initial]"));
-    let (voigt, damped) = (contact("normal_law = \"kelvin_voigt\""), contact("damping_n_s_m = 4000.0"));
+    let (voigt, damped) =
+        (contact("normal_law = \"kelvin_voigt\""), contact("damping_n_s_m = 4000.0"));
     let both = contact("normal_law = \"kelvin_voigt\"\ndamping_n_s_m = 4000.0");
     let slippery = contact("friction_kinetic = 0.3");
     let rough = contact("friction_kinetic = 0.3\nfriction_static = 0.3");
@@ -751,8 +813,9 @@ fn scenario() -> Vec<Case> {
     let long = "duration_s = 100000.0\ntick_s = 0.00001";
     let steps = "duration_s = 1000.0\ntick_s = 0.00001\nsteps_per_tick = 10000";
     let thrust = "[[thrust]]\non = \"chaser\"\nafter = \"capture\"\nduration_s = 1.0\n";
-    let [nothing, pushes, until] = ["", "force_x_n = 1.0\n", "force_x_n = 1.0\nuntil_capture = true\n"]
-        .map(|more| kept(format!("{thrust}{more}[expect]")));
+    let [nothing, pushes, until] =
+        ["", "force_x_n = 1.0\n", "force_x_n = 1.0\nuntil_capture = true\n"]
+            .map(|more| kept(format!("{thrust}{more}[expect]")));
     let late = "[loop]\ncompensator = \"none\"\nlead_s = 0.01\n[expect]";
     let bound = "capture_before_s = 15.0";
     vec![
@@ -806,7 +869,11 @@ fn scenario() -> Vec<Case> {
         case(
             "add {tolerance} = 0.01",
             &[(S, bound, "peak_force_n = 1000.0")],
-            &[&[(S, "peak_force_n = 1000.0", "peak_force_n = 1000.0\npeak_force_tolerance = 0.01")]],
+            &[&[(
+                S,
+                "peak_force_n = 1000.0",
+                "peak_force_n = 1000.0\npeak_force_tolerance = 0.01",
+            )]],
         ),
         case(
             "add `{value}`",
@@ -834,7 +901,13 @@ fn scenario() -> Vec<Case> {
         ),
         undo(
             "make it {most:.2e} at most{place}",
-            &[("scenario", LAW, contact("normal_law = \"kelvin_voigt\"\ndamping_n_s_m = 4000.0\nbristle_damping_s = 1.0\nbristle_breakaway_m = 1e-8"))],
+            &[(
+                "scenario",
+                LAW,
+                contact(
+                    "normal_law = \"kelvin_voigt\"\ndamping_n_s_m = 4000.0\nbristle_damping_s = 1.0\nbristle_breakaway_m = 1e-8",
+                ),
+            )],
         ),
         case(
             "set friction_static too, at least as large as friction_kinetic",

@@ -18,7 +18,8 @@ use elsewhere::{ELSEWHERE, Where};
 #[test]
 fn invariant_every_remedy_has_a_case() {
     let sources = texts::in_sources();
-    let mut tried: BTreeSet<&str> = ELSEWHERE.iter().flat_map(|(remedies, _)| remedies.iter().copied()).collect();
+    let mut tried: BTreeSet<&str> =
+        ELSEWHERE.iter().flat_map(|(remedies, _)| remedies.iter().copied()).collect();
     let cases = files::cases();
     tried.extend(cases.iter().map(|c| c.remedy));
     tried.extend(commands::CASES.iter().map(|c| c.remedy));
@@ -36,7 +37,10 @@ fn invariant_what_is_tried_elsewhere_is() {
         match place {
             Where::Test(file, name) => {
                 let text = fs::read_to_string(root.join(file)).expect("the file of the test");
-                assert!(text.contains(&format!("fn {name}(")), "{file} has no {name}: {remedies:?}");
+                assert!(
+                    text.contains(&format!("fn {name}(")),
+                    "{file} has no {name}: {remedies:?}"
+                );
             }
             Where::Nowhere(why) => assert!(why.len() > 10, "{remedies:?}"),
         }

@@ -159,7 +159,8 @@ impl<'a> Visit<'a> for Finder {
     }
 
     fn visit_expr_assign(&mut self, a: &'a syn::ExprAssign) {
-        if matches!(&*a.left, Expr::Field(f) if matches!(&f.member, syn::Member::Named(n) if n == "remedy")) {
+        if matches!(&*a.left, Expr::Field(f) if matches!(&f.member, syn::Member::Named(n) if n == "remedy"))
+        {
             self.take(&a.right);
         }
         visit::visit_expr_assign(self, a);
