@@ -969,7 +969,7 @@ fn check_fit(active: &ActiveSide, passive: &PassiveSide, out: &mut Findings) {
                 "petals collide with the ring of the other side when docked, by {:.2} mm",
                 -1e3 * fit.petal_to_ring_m
             ),
-            "move the base away from the ring circle, or make petals or rings thinner",
+            "move the base away from the ring circle, or make the petals thinner",
         );
     }
     if let (Some(latches), Some(p)) = (&active.latches, &passive.geometry.petals) {

@@ -802,7 +802,10 @@ pub fn flip_bit(
 ) -> Result<(), RecordError> {
     let dir = dir.as_ref();
     let mut r = RunReader::open(dir)?;
-    let absent = |what: String| RecordError::Absent { what, path: dir.join(files::LOG) };
+    let absent = |what: String| {
+        let remedy = "name one that it has";
+        RecordError::Absent { what, remedy, path: dir.join(files::LOG) }
+    };
     let index = r.column_index(column).ok_or_else(|| absent(format!("the column `{column}`")))?;
     let half = dir.join(".run.mcap.part");
     let error = |e| RecordError::io("write the log", &half, &e);

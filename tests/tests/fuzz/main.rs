@@ -139,6 +139,7 @@ impl Seen {
             let folder = corpus(self.name);
             fs::create_dir_all(&folder).expect("room");
             let name: String = input.iter().take(12).map(|b| format!("{b:02x}")).collect();
+            let name = format!("x{name}");
             fs::write(folder.join(name), input).expect("room");
         }
         match self.settled {

@@ -13,6 +13,10 @@ use crate::damage;
 use crate::dice::Dice;
 use crate::world::{World, place};
 
+/// The run that is damaged, kept so that the same input is the same damage every time. Where it is missing
+/// a test makes it, to be committed.
+const KEPT: &str = "tests/fuzz/recording";
+
 /// A good run, and a folder for damaged ones.
 pub(crate) struct Start {
     good: PathBuf,
@@ -136,18 +140,25 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
+fn record(world: &World, dir: &Path) {
+    let loader = Loader::new().set("run.duration_s", 0.25).set("initial.gap_m", 0.02);
+    let scenario = loader
+        .sources(world.sources.clone())
+        .load(&place("scenarios/basic_central_impact.toml"))
+        .expect("it is shipped");
+    let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
+    let rehearsal = Rehearsal::with(&scenario, options).expect("the sides are apart");
+    rehearsal.run(&mut RunDirectory::new(dir)).expect("room");
+}
+
 impl Start {
     pub(crate) fn new(world: &World) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let (good, run) = (folder.path().join("good"), folder.path().join("run"));
-        let loader = Loader::new().set("run.duration_s", 0.25).set("initial.gap_m", 0.02);
-        let scenario = loader
-            .sources(world.sources.clone())
-            .load(&place("scenarios/basic_central_impact.toml"))
-            .expect("it is shipped");
-        let options = RehearsalOptions { twin: TwinKind::Reduced, seed: 0 };
-        let rehearsal = Rehearsal::with(&scenario, options).expect("the sides are apart");
-        rehearsal.run(&mut RunDirectory::new(&good)).expect("room");
+        let good = Path::new(env!("CARGO_MANIFEST_DIR")).join(KEPT);
+        let run = folder.path().join("run");
+        if !good.exists() {
+            record(world, &good);
+        }
         let log = fs::read(good.join(files::LOG)).expect("a log");
         let mut reader = RunReader::open(&good).expect("a recording");
         let ticks: Vec<_> = reader.ticks().map(|t| t.expect("a tick")).collect();
@@ -229,7 +240,7 @@ fn other_readers(start: &Start) {
     let Ok(done) = recover(run) else { return };
     let mut reader = RunReader::open(run).expect("it was recovered");
     let ticks: Vec<_> = reader.ticks().map(|t| t.expect("a tick")).collect();
-    assert_eq!(ticks.len() as u64, done.ticks);
+    assert_eq!(ticks.len() as u64, done.ticks, "{done:?} {:?}", reader.cut());
     let foreign = reader.cut().is_some_and(|c| c.flaw == Flaw::Foreign);
     assert!(start.has(&ticks) || foreign, "recovered rows that were not recorded: {done:?}");
     assert!(

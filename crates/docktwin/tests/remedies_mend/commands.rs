@@ -140,7 +140,7 @@ fn models_of_that_day(at: &Path) {
 
 fn foreign_scenario(at: &Path) {
     fs::rename(at.join("a/scenario.toml"), at.join("kept.toml")).expect("room");
-    fs::copy(at.join("free/scenario.toml"), at.join("a/scenario.toml")).expect("room");
+    fs::copy(at.join("b/scenario.toml"), at.join("a/scenario.toml")).expect("room");
 }
 
 fn own_scenario(at: &Path) {
@@ -330,9 +330,33 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         remedy: "give a run that was recorded for at least one tick",
         breaks: empty_run,
+        fails: "diff empty empty",
+        ways: &[(nothing, "diff a b")],
+    },
+    words(
+        "align the runs at their start, or give runs in which something touches",
+        "diff free free --align first-contact --tolerance 1e-3",
+        &[
+            (nothing, "diff free free --align start --tolerance 1e-3"),
+            (nothing, "diff a b --align first-contact --tolerance 1e-3"),
+        ],
+    ),
+    Case {
+        remedy: "give two runs of at least one tick, and align them where both have ticks",
+        breaks: empty_run,
         fails: "diff a empty --tolerance 1e-3",
         ways: &[(nothing, "diff a b --tolerance 1e-3")],
     },
+    words(
+        "write a name with * ? or a whole [...] in it",
+        "export a --format csv --out x.csv --columns [",
+        &[(nothing, "export a --format csv --out x.csv --columns [r]elative_*")],
+    ),
+    words(
+        "name one of the columns that an export without --columns has",
+        "export a --format csv --out x.csv --columns colour",
+        &[(nothing, "export a --format csv --out x.csv --columns chaser_position_x_m")],
+    ),
     words(
         "name a file with --out, or leave out --contacts and --json",
         "export a --format csv --out - --contacts",
@@ -383,62 +407,62 @@ pub(crate) const CASES: &[Case] = &[
     words("check the path", "replay models", &[(nothing, "replay a")]),
     words(
         "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate",
-        "rehearse apas_nominal.toml --no-rrd --twin reduced --set run.duration_s=0.1 --set initial.gap_m=0.2 \
-         --set initial.lateral_speed_y_m_s=0.2",
+        "rehearse apas_nominal.toml --no-rrd --twin reduced --set run.duration_s=0.1 --set initial.lateral_y_m=1.4 \
+         --set initial.lateral_speed_y_m_s=1.0 --set initial.gap_m=0.098",
         &[
             (
                 nothing,
                 "rehearse apas_nominal.toml --no-rrd --twin reduced --set run.duration_s=0.1 --set \
-                 initial.gap_m=0.01 --set initial.lateral_speed_y_m_s=0.2 --out less",
+                 initial.lateral_y_m=1.4 --set initial.lateral_speed_y_m_s=1.0 --set initial.gap_m=0.01 --out less",
             ),
             (
                 nothing,
                 "rehearse apas_nominal.toml --no-rrd --twin reduced --set run.duration_s=0.1 --set \
-                 initial.gap_m=0.2 --out slower",
+                 initial.lateral_y_m=1.4 --set initial.lateral_speed_y_m_s=0.1 --set initial.gap_m=0.098 --out slow",
             ),
         ],
     ),
     words(
         "leave run.tick_s at 0.001 for `hil`",
-        "hil free_flight.toml --rig emulated --set run.tick_s=0.0005 --set run.duration_s=0.1",
+        "hil apas_nominal.toml --rig emulated --set run.tick_s=0.0005 --set run.duration_s=0.1",
         &[(
             nothing,
-            "hil free_flight.toml --rig emulated --set run.duration_s=0.1 --no-rrd --out hil",
+            "hil apas_nominal.toml --rig emulated --set run.duration_s=0.1 --no-rrd --out hil",
         )],
     ),
     words(
         "name it with --model RIG.toml, or as loop.rig in the scenario",
-        "hil free_flight.toml --rig emulated --set loop.rig=stewart.urdf --set run.duration_s=0.1",
+        "hil apas_nominal.toml --rig emulated --set loop.rig=stewart.urdf --set run.duration_s=0.1",
         &[(
             nothing,
-            "hil free_flight.toml --rig emulated --set loop.rig=models/urdf/stewart.urdf --set run.duration_s=0.1 --no-rrd \
+            "hil apas_nominal.toml --rig emulated --set loop.rig=models/urdf/stewart.urdf --set run.duration_s=0.1 --no-rrd \
              --out hil",
         )],
     ),
     words(
         "give a smaller initial.gap_m or other initial conditions; `docktwin analyze workspace RIG.toml` tells \
          what the rig reaches",
-        "hil free_flight.toml --rig emulated --set initial.gap_m=2.0 --set run.duration_s=0.1",
+        "hil apas_nominal.toml --rig emulated --set initial.gap_m=2.0 --set run.duration_s=0.1",
         &[(
             nothing,
-            "hil free_flight.toml --rig emulated --set initial.gap_m=0.05 --set run.duration_s=0.1 --no-rrd --out hil",
+            "hil apas_nominal.toml --rig emulated --set initial.gap_m=0.05 --set run.duration_s=0.1 --no-rrd --out hil",
         )],
     ),
     Case {
         remedy: "add one; models/urdf/stewart.toml is an example",
         breaks: blind,
-        fails: "hil free_flight.toml --rig emulated --set run.duration_s=0.1",
+        fails: "hil apas_nominal.toml --rig emulated --set run.duration_s=0.1",
         ways: &[(
             shipped_rig,
-            "hil free_flight.toml --rig emulated --set run.duration_s=0.1 --no-rrd --out hil",
+            "hil apas_nominal.toml --rig emulated --set run.duration_s=0.1 --no-rrd --out hil",
         )],
     },
     words(
         "give 0 to {} ms with --lead-ms",
-        "hil free_flight.toml --rig emulated --lead-ms 4000 --set run.duration_s=0.1",
+        "hil apas_nominal.toml --rig emulated --lead-ms 4000 --set run.duration_s=0.1",
         &[(
             nothing,
-            "hil free_flight.toml --rig emulated --lead-ms 4 --set run.duration_s=0.1 --no-rrd --out hil",
+            "hil apas_nominal.toml --rig emulated --lead-ms 4 --set run.duration_s=0.1 --no-rrd --out hil",
         )],
     ),
     words(
@@ -481,7 +505,7 @@ pub(crate) const CASES: &[Case] = &[
             (nothing, "analyze mechanism models/urdf/apas75_active.urdf --axis x --out found"),
             (
                 nothing,
-                "analyze mechanism models/urdf/apas_active.urdf --axis x --attenuation characteristic --out found",
+                "analyze mechanism models/urdf/apas_active.urdf --axis x --attenuation characteristic --out found_too",
             ),
         ],
     },

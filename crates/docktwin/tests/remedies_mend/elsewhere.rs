@@ -178,6 +178,8 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
     ),
     (
         &[
+            "rehearse again with this version",
+            "run the second engine again with this version",
             "show it with the version that made it, or rehearse again",
             "the recording was made by another version; replay it with that one",
             "replay runs with --rig emulated and the virtual clock; `diff` compares others",
@@ -197,6 +199,7 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "mend {}",
             "correct the scenario or the option that gives it",
             "this is a defect of docktwin: report it",
+            "name one that it has",
             "give another directory with --out",
             "make the meshes with `cargo xtask meshes`, or mend the name in the URDF",
             "run it again when nothing else writes the file",

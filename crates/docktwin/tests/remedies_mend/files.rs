@@ -577,12 +577,11 @@ fn both_sides() -> Vec<Case> {
             &[(P, "tip_radius_m = { value = 0.41", "tip_radius_m = { value = 0.8")],
         ),
         case(
-            "move the base away from the ring circle, or make petals or rings thinner",
+            "move the base away from the ring circle, or make the petals thinner",
             &[(A, "base_radius_m = { value = 0.597", "base_radius_m = { value = 0.602")],
             &[
                 &[(A, "base_radius_m = { value = 0.602", "base_radius_m = { value = 0.597")],
                 &[(A, thick, "thickness_m = { value = 0.01")],
-                &[(P, "section_radius_m = { value = 0.025", "section_radius_m = { value = 0.012")],
             ],
         ),
         undo(
