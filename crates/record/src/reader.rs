@@ -379,7 +379,8 @@ impl RunReader {
         match &s.record_digest {
             Some(digest) if *digest != rows => {
                 return Some(format!(
-                    "summary.json and run.mcap are not of one run, or edited: the digest of the rows is                      {digest} in one and {rows} in the other"
+                    "summary.json and run.mcap are not of one run, or edited: the digest of the rows \
+                     is {digest} in one and {rows} in the other"
                 ));
             }
             None if self.assembly.has_digests() => {

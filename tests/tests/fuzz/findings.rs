@@ -1,6 +1,7 @@
 //! What fuzzing found, in plain words: each was accepted, and then not finite.
 
 use crate::models::{Damaged, judge_model, judge_scenario};
+use crate::recordings::{self, Start};
 use crate::world::World;
 
 /// A shipped file with texts replaced, and what is said of it.
@@ -65,4 +66,14 @@ fn regress_a_start_beside_the_petals_is_found_soon() {
     ];
     let found = said(&World::new(), "scenarios/thrust_assist.toml", &edits);
     assert!(found.starts_with("stepped"), "{found}");
+}
+
+/// Data that end before some of them, with a hole behind: a recovery counted all ticks, and left the log in which
+/// no reader goes beyond the hole.
+#[test]
+fn regress_a_log_that_ends_before_its_data_is_recovered() {
+    let start = Start::new(&World::new());
+    let log = recordings::ended_early(&start);
+    let found = recordings::judge_log(&start, &log, true);
+    assert!(found.contains("ticks of 251"), "{found}");
 }

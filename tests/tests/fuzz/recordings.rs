@@ -151,6 +151,18 @@ fn record(world: &World, dir: &Path) {
     rehearsal.run(&mut RunDirectory::new(dir)).expect("room");
 }
 
+/// The log with the record that ends the data in front of its time, and a chunk behind that gone.
+pub(crate) fn ended_early(start: &Start) -> Vec<u8> {
+    const DATA_END: u8 = 15;
+    let mut all = start.records.clone();
+    let end = all.iter().position(|r| r.op == DATA_END).expect("it ends");
+    let end = all.remove(end);
+    let chunks: Vec<usize> = (0..all.len()).filter(|i| all[*i].op == CHUNK).collect();
+    all.remove(chunks[3]);
+    all.insert(chunks[2], end);
+    written(&start.log[..MAGIC], &all)
+}
+
 impl Start {
     pub(crate) fn new(world: &World) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
@@ -188,13 +200,18 @@ pub(crate) fn judge(start: &Start, input: &[u8]) -> String {
     let mut dice = Dice::new(input);
     let deep = dice.below(4) == 0;
     let log = damaged(start, &mut dice);
+    judge_log(start, &log, deep)
+}
+
+/// A log in the place of the good one; `deep` with the readers that take long.
+pub(crate) fn judge_log(start: &Start, log: &[u8], deep: bool) -> String {
     if start.run.exists() {
         fs::remove_dir_all(&start.run).expect("it is ours");
     }
     copy(&start.good, &start.run);
-    fs::write(start.run.join(files::LOG), &log).expect("room");
+    fs::write(start.run.join(files::LOG), log).expect("room");
     let said = match RunReader::open(&start.run) {
-        Ok(mut reader) => read(start, &mut reader, &log),
+        Ok(mut reader) => read(start, &mut reader, log),
         Err(e) => says(&e.to_string()),
     };
     if deep {
@@ -242,7 +259,10 @@ fn other_readers(start: &Start) {
     let ticks: Vec<_> = reader.ticks().map(|t| t.expect("a tick")).collect();
     assert_eq!(ticks.len() as u64, done.ticks, "{done:?} {:?}", reader.cut());
     let foreign = reader.cut().is_some_and(|c| c.flaw == Flaw::Foreign);
-    assert!(start.has(&ticks) || foreign, "recovered rows that were not recorded: {done:?}");
+    // Rows beside damage whose digest is lost, in a chunk whose checksum was made to fit: they are counted.
+    let wrong = ticks.iter().filter(|t| !start.has(core::slice::from_ref(t))).count() as u64;
+    let told = foreign || wrong <= done.unverified && !done.as_recorded();
+    assert!(wrong == 0 || told, "{wrong} recovered rows that were not recorded: {done:?}");
     assert!(
         !recover(run).expect("it was recovered").changed(),
         "a second recovery changed something"

@@ -406,9 +406,9 @@ pub(crate) const CASES: &[Case] = &[
     },
     words("check the path", "replay models", &[(nothing, "replay a")]),
     words(
-        "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate",
+        "give a smaller initial.gap_m, or less lateral speed and rate",
         "rehearse apas_nominal.toml --no-rrd --twin reduced --set run.duration_s=0.1 --set initial.lateral_y_m=1.4 \
-         --set initial.lateral_speed_y_m_s=1.0 --set initial.gap_m=0.098",
+         --set initial.lateral_speed_y_m_s=1.0 --set initial.roll_deg=20 --set initial.gap_m=0.098",
         &[
             (
                 nothing,
