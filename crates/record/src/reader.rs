@@ -62,6 +62,8 @@ pub struct RunReader {
     closed_holes: usize,
     /// Misfits of the assembly that are holes already.
     misfits: usize,
+    /// Whether channels that were not declared were looked for in the index.
+    looked: bool,
 }
 
 impl fmt::Debug for RunReader {
@@ -104,6 +106,7 @@ impl RunReader {
             holes: Vec::new(),
             closed_holes: 0,
             misfits: 0,
+            looked: false,
         };
         r.read_head()?;
         Ok(r)
@@ -259,6 +262,22 @@ impl RunReader {
         for (id, topic) in self.indexed_channels().unwrap_or_default() {
             self.assembly.channel(id, &topic);
         }
+    }
+
+    /// Looks for channels that were not declared, because the first chunk is not there, or not all of it; once.
+    /// False where there is nothing to look for any more. The place in the file is lost.
+    fn look_for_channels(&mut self) -> bool {
+        if !self.assembly.knows_channels() {
+            self.find_channels();
+        } else if core::mem::replace(&mut self.looked, true) {
+            return false;
+        } else {
+            // Other writers number them otherwise: only the index tells, and only what is not known.
+            for (id, topic) in self.indexed_channels().unwrap_or_default() {
+                self.assembly.channel_if_new(id, &topic);
+            }
+        }
+        true
     }
 
     fn indexed_channels(&self) -> Option<Vec<(u16, String)>> {
@@ -707,9 +726,7 @@ impl RunReader {
             let (op, body, after) = bounded::first_record(rest).ok_or_else(|| {
                 Stop::Cut(Flaw::Edited, "a chunk ends within one of its records".into())
             })?;
-            if !take(&mut self.assembly, op, body)? && !self.assembly.knows_channels() {
-                // The first chunk, which declares them, is not there.
-                self.find_channels();
+            if !take(&mut self.assembly, op, body)? && self.look_for_channels() {
                 self.file.seek(SeekFrom::Start(self.at))?;
                 take(&mut self.assembly, op, body)?;
             }
