@@ -577,17 +577,7 @@ fn place_links(
     }
     let roots: Vec<&str> = names.iter().copied().filter(|n| !parent_of.contains_key(n)).collect();
     if roots.len() != 1 {
-        let (what, remedy) = if roots.is_empty() {
-            (
-                "has no root link: every link hangs on another one".to_owned(),
-                "a URDF is a tree: remove the joint above the link that is to be its root",
-            )
-        } else {
-            (
-                format!("has {} root links: {}", roots.len(), list(roots.iter().copied())),
-                "join the links by joints into one tree",
-            )
-        };
+        let (what, remedy) = wrong_roots(&roots);
         refuse("robot", &robot.name, what, remedy.into());
     }
     let mut poses = BTreeMap::new();
@@ -616,6 +606,17 @@ fn place_links(
         poses.insert((*name).to_owned(), pose);
     }
     (out.problems.len() == before).then(|| (roots[0].to_owned(), poses))
+}
+
+/// What is wrong with links that have another number of roots than one, and what to do.
+fn wrong_roots(roots: &[&str]) -> (String, &'static str) {
+    if roots.is_empty() {
+        let what = "has no root link: every link hangs on another one";
+        let remedy = "a URDF is a tree: remove the joint above the link that is to be its root";
+        return (what.to_owned(), remedy);
+    }
+    let remedy = "join the links by joints into one tree";
+    (format!("has {} root links: {}", roots.len(), list(roots.iter().copied())), remedy)
 }
 
 fn check_meshes(

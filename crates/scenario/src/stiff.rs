@@ -47,6 +47,13 @@ struct Lightness {
     angular: f64,
 }
 
+impl Lightness {
+    /// Of a force between two bodies.
+    fn with(self, other: Self) -> Self {
+        Self { linear: self.linear + other.linear, angular: self.angular + other.angular }
+    }
+}
+
 fn least_moment(i: &docktwin_core::DMat3) -> f64 {
     i.x_axis.x.min(i.y_axis.y).min(i.z_axis.z)
 }
@@ -56,8 +63,8 @@ impl Moving<'_> {
         self.steps_per_tick.map_or(STEP_S.min(self.tick_s), |n| self.tick_s / f64::from(n))
     }
 
-    /// Between the two sides, at the guide ring.
-    fn lightness(&self) -> Lightness {
+    /// What contacts and latches move, at the guide ring, and what the attenuator moves.
+    fn lightness(&self) -> [Lightness; 2] {
         let m = self.mechanism;
         let out_m = m.active.ring.mean_radius_m.max(m.passive.ring.mean_radius_m);
         let craft = |c: &Spacecraft, ahead_m: f64| {
@@ -69,20 +76,18 @@ impl Moving<'_> {
         let target = craft(self.target, m.passive_ring_offset_m);
         let chaser = craft(self.chaser, m.ring_rest_offset_m);
         if m.attenuator == Attenuator::Rigid {
-            let linear = chaser.linear + target.linear;
-            return Lightness { linear, angular: chaser.angular + target.angular };
+            return [chaser.with(target); 2];
         }
         let angular = 1.0 / least_moment(&m.ring_body.inertia_kg_m2);
         let linear = 1.0 / m.ring_body.mass_kg + out_m * out_m * angular;
-        Lightness {
-            linear: linear + target.linear.min(chaser.linear),
-            angular: angular + target.angular.min(chaser.angular),
-        }
+        let ring = Lightness { linear, angular };
+        [ring.with(target), ring.with(chaser)]
     }
 
     /// What is too fast, all of it.
     pub(crate) fn too_stiff(&self) -> Vec<TooStiff> {
-        let mut f = Finder { light: self.lightness(), step_s: self.step_s(), found: Vec::new() };
+        let [at_contact, at_ring] = self.lightness();
+        let mut f = Finder { light: at_contact, step_s: self.step_s(), found: Vec::new() };
         self.contact(&mut f);
         if let Some(l) = &self.mechanism.latches {
             f.spring("mechanism.latches.hold_stiffness_n_m", l.hold_stiffness_n_m, f.light.linear);
@@ -103,7 +108,7 @@ impl Moving<'_> {
         match &self.mechanism.attenuator {
             Attenuator::Rigid => {}
             Attenuator::Characteristic(a) => {
-                let Lightness { linear, angular } = f.light;
+                let Lightness { linear, angular } = at_ring;
                 for (name, channel, light) in [
                     ("axial", &a.axial, linear),
                     ("lateral", &a.lateral, linear),
@@ -121,7 +126,7 @@ impl Moving<'_> {
                 for (i, channel) in a.channels.iter().enumerate() {
                     // The rate of a coordinate is that of the legs by its row.
                     let gain: f64 = a.coupling[i].iter().map(|x| x.abs()).sum();
-                    let light = f.light.linear * (gain * gain).min(1.0);
+                    let light = at_ring.linear * (gain * gain).min(1.0);
                     f.channel(
                         &format!("mechanism.attenuation.differential.channels.{i}"),
                         channel,

@@ -25,6 +25,12 @@ fn regress_what_was_accepted_and_then_not_finite() {
             &[("iyy=\"12000.0\"", "iyy=\"1e-9\"")],
             "inertia: its least radius gyration",
         ),
+        // A port 190 m from the mass centre: a lever by which the attenuator throws the chaser about.
+        (
+            "models/urdf/light_575kg.urdf",
+            &[("<origin xyz=\"0.8 0 0\"", "<origin xyz=\"189.686 0 0\"")],
+            "mechanism attenuation characteristic axial",
+        ),
         // Springs and dampers that steps of a run cannot follow.
         (
             "models/urdf/apas_active.toml",
