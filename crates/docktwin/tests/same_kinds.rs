@@ -68,6 +68,9 @@ fn checked(stem: &str, edits: &[(&str, &str, &str)]) -> Report {
     model_check(&urdf.join(format!("{stem}.toml")))
 }
 
+/// A file by its ending, a text in it, and what stands there instead.
+type Edit<'a> = (&'a str, &'a str, &'a str);
+
 /// What a check must find.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Finds {
@@ -82,6 +85,7 @@ const INERTIA: &str =
     "ixx=\"7254.37\" ixy=\"0\" ixz=\"0\" iyy=\"36134.193\" iyz=\"0\" izz=\"36134.193\"";
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn oracle_units_and_inertias_are_refused_or_flagged() {
     let inertia = |axial: f64, across: f64| {
         format!(
@@ -93,7 +97,7 @@ fn oracle_units_and_inertias_are_refused_or_flagged() {
     // mass centre: 36134 + 7960.9 · 3.5².
     let [cm2, feet, slugs] = [1e4, 23.73, 0.7376].map(scaled);
     let about_port = inertia(7254.37, 36134.193 + 7960.9 * 3.5 * 3.5);
-    let chaser: &[(&str, &[(&str, &str, &str)], Finds, &str)] = &[
+    let chaser: &[(&str, &[Edit<'_>], Finds, &str)] = &[
         ("inertia in kg·cm²", &[("urdf", INERTIA, &cm2)], Refused, "radius of gyration"),
         (
             "inertia in lb·ft²",

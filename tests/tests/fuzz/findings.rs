@@ -4,8 +4,11 @@ use crate::models::{Damaged, judge_model, judge_scenario};
 use crate::recordings::{self, Start};
 use crate::world::World;
 
+/// A text, and what stands in its place.
+type Edit<'a> = (&'a str, &'a str);
+
 /// A shipped file with texts replaced, and what is said of it.
-fn said(world: &World, name: &str, edits: &[(&str, &str)]) -> String {
+fn said(world: &World, name: &str, edits: &[Edit<'_>]) -> String {
     let mut text = String::from_utf8(world.files[name].clone()).expect("text");
     for (from, to) in edits {
         assert!(text.contains(from), "{name} has no {from:?}: mend the case");
@@ -18,7 +21,7 @@ fn said(world: &World, name: &str, edits: &[(&str, &str)]) -> String {
 #[test]
 fn regress_what_was_accepted_and_then_not_finite() {
     let world = World::new();
-    let cases: &[(&str, &[(&str, &str)], &str)] = &[
+    let cases: &[(&str, &[Edit<'_>], &str)] = &[
         // One moment of inertia of no body: a rate of 1e9 rad/s in the first contact.
         (
             "models/urdf/test_12t.urdf",

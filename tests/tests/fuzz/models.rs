@@ -87,7 +87,7 @@ pub(crate) fn judge_scenario(world: &World, d: &Damaged) -> String {
         Ok(scenario) => scenario,
         Err(e) => return refused(&e.problems),
     };
-    if d.text.len() % 8 == 0
+    if d.text.len().is_multiple_of(8)
         && let Err(e) = HilRun::new(&scenario, HilOptions::default())
     {
         refused_run(&e);

@@ -591,6 +591,7 @@ fn both_sides() -> Vec<Case> {
     ]
 }
 
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn rig_files() -> Vec<Case> {
     const T: &str = "rig.toml";
     const U: &str = "rig.urdf";
