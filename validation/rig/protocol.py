@@ -15,6 +15,13 @@ SENSOR_A, SENSOR_B, ACCELEROMETER, TRUTH = 1 << 12, 1 << 13, 1 << 14, 1 << 21
 KNOWN_FLAGS, KNOWN_GUARD_LIMITS = 0b11, 0b11111
 SILENT_PERIODS = 10
 PERIODS_NS = range(10_000, 1_000_000_001)
+LARGEST = 1e12
+GUARD_POSE = 1 << 4
+
+
+def is_attitude(q):
+    """Whether four numbers are a unit quaternion, within 1 %."""
+    return abs(math.sqrt(sum(x * x for x in q)) - 1) <= 0.01
 
 
 class RigCommand(ctypes.Structure):
@@ -72,6 +79,14 @@ class RigCommand(ctypes.Structure):
                 yield getattr(self, name)
             elif issubclass(kind, ctypes.Array) and kind._type_ is ctypes.c_double:
                 yield from getattr(self, name)
+
+    def is_in_range(self):
+        """Whether no number is beyond any rig, and what is followed as an attitude is one."""
+        return (
+            all(abs(x) <= LARGEST for x in self.numbers())
+            and (self.mode != TRACK or is_attitude(self.plate_attitude))
+            and (not self.guard_limits & GUARD_POSE or is_attitude(self.guard_box_attitude))
+        )
 
     def keeps_reserved(self):
         """Whether nothing stands where a later version may have something."""
@@ -168,6 +183,8 @@ class RigEnd:
             return 3
         if not all(map(math.isfinite, c.numbers())):
             return 4
+        if not c.is_in_range():
+            return 13
         if not c.flags & LOCKSTEP and c.wakeup_ns > now_ns:
             return 5
         return 0

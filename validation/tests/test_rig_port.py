@@ -70,6 +70,7 @@ def command(session, tick, mode, **changes):
     c.leg_count = 6
     c.loop_time_ns = c.wakeup_ns = tick * MS
     c.period_ns = MS
+    c.plate_attitude[0] = 1
     for name, value in changes.items():
         setattr(c, name, value)
     return c
@@ -91,6 +92,9 @@ SPOILED = [
     (11, {"reserved": (ctypes.c_uint64 * 8)(*[0] * 7, 1)}),
     (12, {"leg_count": 5}),
     (12, {"leg_count": 0}),
+    (13, {"leg_force_n": (ctypes.c_double * 6)(0, 0, 1e200)}),
+    (13, {"plate_attitude": (ctypes.c_double * 4)()}),
+    (13, {"guard_limits": 1 << 4}),
 ]
 
 

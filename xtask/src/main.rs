@@ -1,7 +1,8 @@
 //! Tasks of the project: `cargo xtask test`, `cargo xtask meshes`, `cargo xtask docs`,
-//! `cargo xtask docs-tables`.
+//! `cargo xtask docs-tables`, `cargo xtask fuzz`.
 
 mod deny;
+mod fuzz;
 mod gate;
 mod python;
 mod scenarios;
@@ -29,7 +30,8 @@ Examples:
   cargo xtask test --only scenarios    one step again, while you fix it
   cargo xtask meshes                   after a change of a ring, a petal or a hull
   cargo xtask docs                     the public API, as HTML under target/doc
-  cargo xtask docs-tables              after a change of a key (models, scenarios) or of a signal";
+  cargo xtask docs-tables              after a change of a key (models, scenarios) or of a signal
+  cargo xtask fuzz urdf --minutes 10   after a change of what reads files of strangers";
 
 #[derive(Debug, Subcommand)]
 enum Task {
@@ -47,6 +49,18 @@ enum Task {
     Docs,
     /// Write the tables of keys and signals in docs/ again, from the tables in the code
     DocsTables,
+    /// Try random inputs of a kind for some minutes; the gate tries a fixed sample of every kind
+    Fuzz {
+        /// What is damaged
+        #[arg(value_name = "TARGET", value_parser = fuzz::TARGETS)]
+        target: String,
+        /// How long
+        #[arg(long, value_name = "N", default_value_t = 10.0)]
+        minutes: f64,
+        /// Add inputs with new outcomes to the corpus
+        #[arg(long)]
+        keep: bool,
+    },
 }
 
 fn main() -> ExitCode {
@@ -58,6 +72,7 @@ fn main() -> ExitCode {
             println!("open {}", root.join("target/doc/docktwin/index.html").display());
         }),
         Task::DocsTables => docs_tables(&root),
+        Task::Fuzz { target, minutes, keep } => fuzz::run(&root, &target, minutes, keep),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -8,7 +8,9 @@ use std::{
 };
 
 use clap::{Args, ValueEnum};
-use docktwin_record::{Cut, Exported, RecordError, RunReader, Selection, export_csv, export_mat};
+use docktwin_record::{
+    Cut, Exported, RecordError, RunReader, Selection, WRITE_EXPORT, export_csv, export_mat,
+};
 use serde_json::json;
 
 use crate::failure::{Failure, OTHERWISE};
@@ -87,6 +89,11 @@ pub(crate) fn run(args: &ExportArgs, json: bool) -> Result<ExitCode, Failure> {
             }
             // `export --out - | head`: the reader has what it wants.
             Err(RecordError::Io { kind: ErrorKind::BrokenPipe, .. }) => {}
+            // The log was read: it is the output that is lost.
+            Err(RecordError::Io { action: WRITE_EXPORT, reason, .. }) => {
+                eprintln!("standard output could not be written: {reason}");
+                return Ok(ExitCode::from(OTHERWISE));
+            }
             Err(e) => return Err(e.into()),
         }
         return Ok(ExitCode::SUCCESS);

@@ -157,8 +157,8 @@ impl From<MechanismError> for Failure {
     fn from(e: MechanismError) -> Self {
         let remedy = match e {
             MechanismError::Bench(BenchError::Rigid) => {
-                "choose one that the file describes with --attenuation characteristic or \
-                 --attenuation differential, or give a mechanism that has one"
+                "give a mechanism whose ring moves; where the file describes more than its default, \
+                 choose with --attenuation characteristic or --attenuation differential"
             }
             _ => e.remedy(),
         };

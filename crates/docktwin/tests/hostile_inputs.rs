@@ -398,7 +398,7 @@ fn regress_hostile_spacecraft() {
                 "link `port`: stands twice",
                 "joint `body_port`: stands twice",
                 "is the child of more than one joint",
-                "rename one",
+                "rename or remove one",
             ],
         ),
         (

@@ -345,7 +345,7 @@ mod suite {
     type Spoil = fn(&mut RigCommand);
 
     /// With the reason expected.
-    fn spoiled() -> [(Refusal, Spoil); 14] {
+    fn spoiled() -> [(Refusal, Spoil); 16] {
         [
             (Refusal::Version, |c| c.protocol_version += 1),
             (Refusal::TickBack, |c| c.tick -= 1),
@@ -361,6 +361,8 @@ mod suite {
             (Refusal::Legs, |c| c.leg_count = 5),
             (Refusal::Period, |c| c.period_ns = 0),
             (Refusal::Period, |c| c.period_ns = u64::MAX),
+            (Refusal::Range, |c| c.leg_force_n[2] = -1e200),
+            (Refusal::Range, |c| c.plate_attitude = [0.0; 4]),
         ]
     }
 

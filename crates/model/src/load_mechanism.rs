@@ -260,7 +260,7 @@ fn read_geometry(t: Section<'_, '_, '_>) -> SideGeometry {
                     widest.to_degrees(),
                     room.to_degrees()
                 ),
-                "make the half-angles or the count smaller",
+                "make the half-angles smaller",
             );
         }
         if petals.thickness_m >= petals.height_m {
@@ -954,6 +954,22 @@ fn leans_inward(p: &PetalGeometry) -> bool {
     p.tip_radius_m < p.base_radius_m
 }
 
+/// What to do about petals that leave no room between each other wherever they are turned.
+const NARROWER_REMEDY: &str = "make the petals of one side narrower or thinner";
+
+/// How to turn petals so that they lie in the middle between those of the active side; `None` where that
+/// leaves no room either.
+fn between(active: &SideGeometry, passive: &PetalGeometry) -> Option<String> {
+    let part = 2.0 * PI / f64::from(passive.count);
+    let first = (PI - active.petals?.first_azimuth_rad - 0.5 * part).rem_euclid(part);
+    let turned = PetalGeometry { first_azimuth_rad: first, ..*passive };
+    let side = SideGeometry { petals: Some(turned), ..active.clone() };
+    let play = mated_fit(active, &side).roll_play_rad?;
+    let deg = first.to_degrees();
+    let remedy = format!("turn the petals, in the URDF too, to first_azimuth_deg = {deg:.3}");
+    (play > 0.0).then_some(remedy)
+}
+
 /// Refuses sides that collide when docked.
 fn check_fit(active: &ActiveSide, passive: &PassiveSide, out: &mut Findings) {
     let mut refuse = |file: &Path, key: &str, value: String, what: String, remedy: &str| {
@@ -997,7 +1013,7 @@ fn check_fit(active: &ActiveSide, passive: &PassiveSide, out: &mut Findings) {
                      is 180° − β seen from the active ring)",
                     play.to_degrees()
                 ),
-                "turn the petals of one side, or make them narrower or thinner",
+                between(&active.geometry, p).as_deref().unwrap_or(NARROWER_REMEDY),
             );
         }
         if leans_inward(a) != leans_inward(p) {
@@ -1015,7 +1031,7 @@ fn check_fit(active: &ActiveSide, passive: &PassiveSide, out: &mut Findings) {
                 "petals collide with the ring of the other side when docked, by {:.2} mm",
                 -1e3 * fit.petal_to_ring_m
             ),
-            "move the base away from the ring circle, or make petals or rings thinner",
+            "move the base away from the ring circle, or make the petals thinner",
         );
     }
     if let (Some(latches), Some(p)) = (&active.latches, &passive.geometry.petals) {

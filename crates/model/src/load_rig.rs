@@ -326,7 +326,7 @@ impl Assembly<'_> {
             }
             None => {
                 let what = format!("hangs on no joint, but {role} is expected above it");
-                self.refuse("link", link, what, "add the joint");
+                self.refuse("link", link, what, "it is the root: name another link in the TOML");
                 None
             }
         }
@@ -370,7 +370,8 @@ impl Assembly<'_> {
     fn put(mut self, said: Said) -> Option<Rig> {
         if self.tree.root != said.ground {
             let what = format!("is not the root, which is `{}`", self.tree.root);
-            self.refuse("link", &said.ground, what, "hang everything on the ground");
+            let remedy = "name the root as links.ground, or hang everything on this link";
+            self.refuse("link", &said.ground, what, remedy);
             return None;
         }
         self.check_mounts(&said);
@@ -467,6 +468,12 @@ impl Assembly<'_> {
         let off = (middle.p - said.docking.middle_m).length();
         let turned = middle.q.angle_between(DQuat::IDENTITY);
         if off > CLOSURE_M || turned > CLOSURE_M {
+            let remedy = if turned > CLOSURE_M {
+                "let the floating joint of the URDF turn the plate until R_34 is not turned, and the loops \
+                 close there"
+            } else {
+                "write this p_34, or move the plate by its floating joint and close the loops there"
+            };
             self.out.refuse(
                 self.toml_path,
                 "docking_workspace.middle_p_34_m",
@@ -475,7 +482,7 @@ impl Assembly<'_> {
                      {:.6}] m and R_34 is turned by {:.6} rad",
                     middle.p.x, middle.p.y, middle.p.z, turned
                 ),
-                "let the floating joint of the URDF put the plate in the middle of the box",
+                remedy,
             );
         }
     }

@@ -80,7 +80,8 @@ pub(crate) fn read_spacecraft(
     let (port_link, hull) = said?;
     let port = tree.links.get(&port_link)?;
     let mass = mass?;
-    let body = Body { mass: &mass, hull, port_m: port.p };
+    let port_axis = port.q * docktwin_core::DVec3::X;
+    let body = Body { mass: &mass, hull, port_m: port.p, port_axis };
     // What a wrong number of another kind makes of mass and hull means nothing.
     if out.problems.is_empty() {
         body.check(urdf_path, tree.line("link", &tree.root), out);

@@ -129,7 +129,7 @@ fn singular(rig: &Rig, f: &mut Finder<'_>) -> bool {
                  is a motion of the plate that changes no leg's length",
                 middle.0
             ),
-            "turn the plate's joint triangle against the base's, or give both different radii",
+            "turn the plate's joint triangle against the base's",
         );
         return false;
     }
@@ -204,7 +204,7 @@ fn reach(rig: &Rig, f: &mut Finder<'_>) {
                      be shorter than {:.4} m, {:.4} m short; {}",
                     short.2, short.1, leg.shortest_m, short.0, count(short.3)
                 ),
-                "lower the limit of its rod, move the middle, or make the workspace smaller",
+                "lower the limit of its rod, or make the workspace smaller",
             );
         }
         if long.3 > 0 {
@@ -215,7 +215,7 @@ fn reach(rig: &Rig, f: &mut Finder<'_>) {
                      be longer than {:.4} m, {:.4} m short; {}",
                     long.2, long.1, leg.longest_m, long.0, count(long.3)
                 ),
-                "raise the limit of its rod, move the middle, or make the workspace smaller",
+                "raise the limit of its rod, or make the workspace smaller",
             );
         }
         for (name, worst, limit) in [
@@ -304,7 +304,7 @@ fn retraction(rig: &Rig, f: &mut Finder<'_>) {
                      dead length need {needed:.4} m, and the shortest leg is {:.4} m long",
                     rig.limits.dead_length_m, leg.shortest_m
                 ),
-                "raise the middle, or make the stroke shorter",
+                "make the stroke shorter",
             );
         }
     }

@@ -9,7 +9,7 @@ use docktwin_core::DVec3;
 
 use crate::SpacecraftHull;
 use crate::problem::{Findings, Note, Problem};
-use crate::urdf::MassProperties;
+use crate::urdf::{self, MassProperties};
 
 /// Density of osmium, the densest of all materials, kg/m³ (CRC Handbook of Chemistry and Physics).
 const DENSEST_KG_M3: f64 = 22_590.0;
@@ -20,12 +20,18 @@ const THIN_KG_M3: f64 = 5.0;
 const MOST_GYRATION: f64 = 10.0;
 /// A radius of gyration below this share of a homogeneous hull's is doubtful.
 const LEAST_GYRATION: f64 = 0.3;
+/// What to do about inertias below those of any body.
+const SMALL_REMEDY: &str = "give inertias in kg·m² about the mass centre, and masses in kg";
+/// A docking axis that points so far past the mass centre, deg, is doubtful: ports look outward.
+const MOST_ASIDE_DEG: f64 = 45.0;
 
 /// What is known of a spacecraft before it is put together; places from the origin of the root link.
 pub(crate) struct Body<'a> {
     pub(crate) mass: &'a MassProperties,
     pub(crate) hull: SpacecraftHull,
     pub(crate) port_m: DVec3,
+    /// +X of the port, which is the docking axis.
+    pub(crate) port_axis: DVec3,
 }
 
 impl Body<'_> {
@@ -170,7 +176,23 @@ impl Body<'_> {
                     k.z,
                     (0.4_f64).sqrt() * sphere_m
                 ),
-                "give inertias in kg·m² about the mass centre, and masses in kg",
+                SMALL_REMEDY,
+            );
+            return;
+        }
+        // Of all bodies no longer than this, the solid rod of the densest material has the least moment about
+        // an axis: k² = m / (2π ρ L).
+        let long_m = MOST_GYRATION * self.size_m();
+        let rod_m = (m / (2.0 * PI * DENSEST_KG_M3 * long_m)).sqrt();
+        let least_m = (urdf::principal_moments(self.mass.inertia_kg_m2)[0] / m).max(0.0).sqrt();
+        if least_m < rod_m {
+            refuse(
+                "inertia",
+                format!(
+                    "its least radius of gyration is {least_m:.2e} m: a rod of the densest material with this \
+                     mass, {long_m:.0} m long, has {rod_m:.2e} m"
+                ),
+                SMALL_REMEDY,
             );
         }
     }
@@ -217,6 +239,14 @@ impl Body<'_> {
                     2.0 * self.hull.radius_m
                 ));
             }
+        }
+        let out_of_port = (self.port_m - self.mass.com_m).normalize_or_zero();
+        let aside_deg = self.port_axis.dot(out_of_port).abs().min(1.0).acos().to_degrees();
+        if out_of_port != DVec3::ZERO && aside_deg > MOST_ASIDE_DEG {
+            out.push(format!(
+                "the port's +X lies {aside_deg:.0} deg off the line from the mass centre to the port; rpy is in \
+                 radians"
+            ));
         }
         out
     }

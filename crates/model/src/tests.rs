@@ -973,9 +973,16 @@ fn regress_impossible_rigs_are_refused_by_geometry() {
         &["flagged hydraulics.printed", "5.90 m of stroke", "flagged hydraulics.stiff", "0.50 m"],
     );
 
+    // Each refusal, and that it is gone once its remedy is obeyed.
+    let mended = |rig: &Rig, gone: &str| {
+        let got = check(rig);
+        assert!(!got.contains(gone), "{gone:?} is still in\n{got}");
+    };
     let mut rig = good.clone();
     rig.legs[1].plate_joint_m = rig.legs[2].plate_joint_m;
-    says(&rig, &["plate joints of legs 1 and 2: are 0.0000 m apart"]);
+    says(&rig, &["plate joints of legs 1 and 2: are 0.0000 m apart", "at least 0.02 m"]);
+    rig.legs[1].plate_joint_m.y += 0.0201;
+    mended(&rig, "plate joints of legs 1 and 2");
 
     // The plate's triangle not turned: all legs' lines meet in one point.
     let mut rig = good.clone();
@@ -984,18 +991,28 @@ fn regress_impossible_rigs_are_refused_by_geometry() {
             (i / 2) as f64 * 2.0 * FRAC_PI_3 + if i % 2 == 0 { -8.0_f64 } else { 8.0 }.to_radians();
         leg.plate_joint_m = DVec3::new(0.0, a.cos(), a.sin()) * 2.0;
     }
-    says(&rig, &["plate in the middle: the pose is singular"]);
+    says(&rig, &["plate in the middle: the pose is singular", "turn the plate's joint triangle"]);
+    for leg in &mut rig.legs {
+        let turned = docktwin_core::DQuat::from_rotation_x(FRAC_PI_3);
+        leg.plate_joint_m = turned * leg.plate_joint_m;
+    }
+    mended(&rig, "the pose is singular");
 
     // Turned by 35 deg about the docking axis on the way: past the singular pose at 90 deg.
     let mut rig = good.clone();
     rig.docking.roll_rad = 100.0_f64.to_radians();
-    says(&rig, &["lies beyond a singular pose"]);
+    says(&rig, &["lies beyond a singular pose", "make the workspace smaller"]);
+    rig.docking.roll_rad = 20.0_f64.to_radians();
+    mended(&rig, "singular pose");
 
     // Long legs to the far plate joints cross.
     let mut rig = good.clone();
     (rig.legs[0].plate_joint_m, rig.legs[1].plate_joint_m) =
         (rig.legs[1].plate_joint_m, rig.legs[0].plate_joint_m);
-    says(&rig, &["legs 0 and 1: cross: at "]);
+    says(&rig, &["legs 0 and 1: cross: at ", "exchange their plate joints"]);
+    (rig.legs[0].plate_joint_m, rig.legs[1].plate_joint_m) =
+        (rig.legs[1].plate_joint_m, rig.legs[0].plate_joint_m);
+    mended(&rig, "cross: at ");
 
     let mut rig = good.clone();
     rig.limits.force_n = 5000.0;

@@ -4,7 +4,7 @@
 //! text), so that reading goes on; the caller hands the result out only if there was no problem.
 //! Every key that is asked for counts as known; what remains is refused with the nearest known name.
 
-use core::cell::{Cell, RefCell};
+use core::cell::{Cell, OnceCell, RefCell};
 use core::fmt;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -117,7 +117,14 @@ pub struct Checker<'a> {
     unlisted: Cell<usize>,
     /// Every key of this kind of file: its table and its name.
     places: Vec<(&'static str, &'static str)>,
+    /// Those that the text has, as dotted paths; looked for once.
+    given: OnceCell<BTreeSet<String>>,
 }
+
+/// How a number with its note is written.
+const NOTED: &str = "{ value = …, source = \"…\" }";
+/// How a note alone is written.
+const NOTE: &str = "{ source = \"…\" }";
 
 impl<'a> Checker<'a> {
     /// For the text of the file `path`.
@@ -131,6 +138,7 @@ impl<'a> Checker<'a> {
             values: RefCell::default(),
             unlisted: Cell::default(),
             places: Vec::new(),
+            given: OnceCell::new(),
         }
     }
 
@@ -146,6 +154,22 @@ impl<'a> Checker<'a> {
     fn place_of(&self, name: &str) -> Option<String> {
         let (table, _) = self.places.iter().find(|(t, n)| !t.is_empty() && *n == name)?;
         Some(format!("{table}.{name}"))
+    }
+
+    /// Whether the text has a key of this dotted path already, in a table that there is once.
+    fn has_key(&self, path: &str) -> bool {
+        let given = self.given.get_or_init(|| {
+            let (root, _) = DeTable::parse_recoverable(self.text);
+            let has = |(table, name): &(&str, &str)| {
+                let mut parts = table.split('.');
+                let table =
+                    parts.try_fold(root.get_ref(), |t, part| t.get(part)?.get_ref().as_table());
+                table.is_some_and(|t| t.contains_key(*name))
+            };
+            let there = self.places.iter().filter(|p| !p.0.is_empty() && has(p));
+            there.map(|(table, name)| format!("{table}.{name}")).collect()
+        });
+        given.contains(path)
     }
 
     /// Parses, reads the whole document with `read`, and refuses every key not asked for. `None`
@@ -289,7 +313,7 @@ impl<'c, 'a> Table<'c, 'a> {
     pub fn number(&self, key: &'static str, range: Range) -> f64 {
         match self.entry(key) {
             Some(e) => self.checked(key, &e, range, ""),
-            None => self.missing(key, &format!("{range}"), f64::NAN),
+            None => self.missing(key, &format!("{range}"), &missing_remedy(key), f64::NAN),
         }
     }
 
@@ -367,9 +391,10 @@ impl<'c, 'a> Table<'c, 'a> {
     /// A note on a number that stands elsewhere: `{ source = "…" }` or `{ assumed = "…" }`.
     pub fn note_only(&self, key: &'static str) -> String {
         let Some(e) = self.entry(key) else {
-            return self.missing(key, "{ source = \"…\" } or { assumed = \"…\" }", String::new());
+            let allowed = "{ source = \"…\" } or { assumed = \"…\" }";
+            return self.missing(key, allowed, &format!("add {key} = {NOTE}"), String::new());
         };
-        let Some(note) = self.note_of(key, &e) else { return String::new() };
+        let Some(note) = self.note_of(key, &e, NOTE) else { return String::new() };
         self.cx.values.borrow_mut().push(ReadValue {
             file: self.cx.path.clone(),
             line: Some(e.line),
@@ -398,7 +423,7 @@ impl<'c, 'a> Table<'c, 'a> {
     /// A text; `allowed` is what the message says when it is missing.
     pub fn text(&self, key: &'static str, allowed: &str) -> String {
         self.optional_text(key, allowed)
-            .unwrap_or_else(|| self.missing(key, allowed, String::new()))
+            .unwrap_or_else(|| self.missing(key, allowed, &missing_remedy(key), String::new()))
     }
 
     /// A text that is not empty, or `None` when the key is absent.
@@ -441,7 +466,7 @@ impl<'c, 'a> Table<'c, 'a> {
     pub fn choice<T: Copy>(&self, key: &'static str, words: &[(&str, T)]) -> Option<T> {
         if !self.has(key) {
             let allowed = words.iter().map(|(w, _)| *w).collect::<Vec<_>>().join(" | ");
-            return self.missing(key, &allowed, None);
+            return self.missing(key, &allowed, &missing_remedy(key), None);
         }
         self.optional_choice(key, words)
     }
@@ -469,7 +494,7 @@ impl<'c, 'a> Table<'c, 'a> {
                 line: self.line,
                 key: self.key(key),
                 what: "this table is missing".into(),
-                remedy: format!("add [{}]", self.key(key)),
+                remedy: format!("add [{}] with its keys", self.key(key)),
                 ..Problem::default()
             });
         }
@@ -531,7 +556,7 @@ impl<'c, 'a> Table<'c, 'a> {
         table.map(|t| (t, e.line))
     }
 
-    fn missing<T>(&self, key: &'static str, allowed: &str, placeholder: T) -> T {
+    fn missing<T>(&self, key: &'static str, allowed: &str, remedy: &str, placeholder: T) -> T {
         if self.table.is_some() {
             self.cx.push(Problem {
                 line: self.line,
@@ -539,7 +564,7 @@ impl<'c, 'a> Table<'c, 'a> {
                 unit: unit_of(key).into(),
                 what: "is missing".into(),
                 allowed: allowed.into(),
-                remedy: format!("add the key `{key}`"),
+                remedy: remedy.into(),
                 ..Problem::default()
             });
         }
@@ -627,8 +652,10 @@ impl<'c, 'a> Table<'c, 'a> {
         placeholder: T,
         read: impl FnOnce(&Entry<'_, '_>, &str) -> T,
     ) -> T {
-        let Some(e) = self.entry(key) else { return self.missing(key, allowed, placeholder) };
-        let Some(note) = self.note_of(key, &e) else { return placeholder };
+        let Some(e) = self.entry(key) else {
+            return self.missing(key, allowed, &format!("add {key} = {NOTED}"), placeholder);
+        };
+        let Some(note) = self.note_of(key, &e, NOTED) else { return placeholder };
         let Some(table) = e.value.as_table() else { return placeholder };
         for (k, v) in table {
             if !matches!(k.get_ref().as_ref(), "value" | "source" | "assumed") {
@@ -649,14 +676,14 @@ impl<'c, 'a> Table<'c, 'a> {
                 read(&inner, &note)
             }
             None => {
-                self.wrong(key, &e, "has a note but no value", "{ value = …, source = \"…\" }");
+                self.wrong(key, &e, "has a note but no value", NOTED);
                 placeholder
             }
         }
     }
 
-    /// The note of an entry: exactly one of `source` and `assumed`, not empty.
-    fn note_of(&self, key: &'static str, e: &Entry<'_, '_>) -> Option<String> {
+    /// The note of an entry, which is written in this form: exactly one of `source` and `assumed`, not empty.
+    fn note_of(&self, key: &'static str, e: &Entry<'_, '_>, form: &str) -> Option<String> {
         let table = e.value.as_table();
         let notes = ["source", "assumed"].map(|k| table?.get(k)?.get_ref().as_str());
         if notes.into_iter().flatten().any(|n| n.chars().any(is_unprintable_in_text)) {
@@ -683,7 +710,7 @@ impl<'c, 'a> Table<'c, 'a> {
                     what: what.into(),
                     allowed: "one of source = \"…\" (published or measured) and assumed = \"…\""
                         .into(),
-                    remedy: format!("write {key} = {{ value = …, source = \"…\" }}"),
+                    remedy: format!("write {key} = {form}"),
                     ..Problem::default()
                 });
                 None
@@ -701,8 +728,17 @@ impl<'c, 'a> Table<'c, 'a> {
             }
             let near = nearest(name, known.iter().copied())
                 .filter(|n| n.starts_with(name) || distance(name, n) <= 1 + name.len() / 3);
-            let meant = self.cx.place_of(name).or_else(|| near.map(str::to_owned));
-            let remedy = meant.map_or("remove it".into(), |m| format!("did you mean `{m}`?"));
+            // A key that is given already cannot be meant.
+            let remedy = match (self.cx.place_of(name), near) {
+                (Some(m), _) if self.cx.has_key(&m) => {
+                    format!("remove it: `{m}` is given already")
+                }
+                (Some(m), _) => format!("did you mean `{m}`?"),
+                (None, Some(m)) if !self.table.is_some_and(|t| t.contains_key(m)) => {
+                    format!("did you mean `{m}`?")
+                }
+                (None, _) => "remove it".into(),
+            };
             self.cx.push(Problem {
                 line: Some(self.cx.line(k.span().start)),
                 key: self.key(name),
@@ -714,6 +750,11 @@ impl<'c, 'a> Table<'c, 'a> {
             });
         }
     }
+}
+
+/// What to do about a key that is missing.
+fn missing_remedy(key: &str) -> String {
+    format!("add the key `{key}`")
 }
 
 /// Texts of several lines are texts.

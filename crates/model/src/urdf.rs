@@ -261,7 +261,11 @@ impl Walk<'_> {
                 Some(_) => self.numbers(node, tag, a.name(), a.value()),
                 None => {
                     let names: Vec<_> = known.iter().map(|(n, _)| *n).collect();
-                    let remedy = format!("remove it; known here: {}", names.join(", "));
+                    let remedy = if names.is_empty() {
+                        format!("remove it: `{tag}` has no attributes")
+                    } else {
+                        format!("remove it; known here: {}", names.join(", "))
+                    };
                     self.refuse(
                         node,
                         &format!("has the unknown attribute `{}`", a.name()),
@@ -543,14 +547,14 @@ fn place_links(
     let mut names = BTreeSet::new();
     for link in &robot.links {
         if !names.insert(link.name.as_str()) {
-            refuse("link", &link.name, "stands twice".into(), "rename one".into());
+            refuse("link", &link.name, "stands twice".into(), "rename or remove one".into());
         }
     }
     let mut joints = BTreeSet::new();
     let mut parent_of = BTreeMap::new();
     for j in &robot.joints {
         if !joints.insert(j.name.as_str()) {
-            refuse("joint", &j.name, "stands twice".into(), "rename one".into());
+            refuse("joint", &j.name, "stands twice".into(), "rename or remove one".into());
         }
         for end in [&j.parent.link, &j.child.link] {
             if !names.contains(end.as_str()) {
@@ -573,13 +577,8 @@ fn place_links(
     }
     let roots: Vec<&str> = names.iter().copied().filter(|n| !parent_of.contains_key(n)).collect();
     if roots.len() != 1 {
-        let key = &robot.name;
-        let what = if roots.is_empty() {
-            "has no root link: every link hangs on another one".to_owned()
-        } else {
-            format!("has {} root links: {}", roots.len(), list(roots.iter().copied()))
-        };
-        refuse("robot", key, what, "join the links by joints into one tree".into());
+        let (what, remedy) = wrong_roots(&roots);
+        refuse("robot", &robot.name, what, remedy.into());
     }
     let mut poses = BTreeMap::new();
     for name in &names {
@@ -598,7 +597,8 @@ fn place_links(
                 "link",
                 name,
                 "hangs on a cycle of joints".into(),
-                "a URDF is a tree: cut the cycle".into(),
+                "a URDF is a tree: cut the cycle and let one of its links hang on the others"
+                    .into(),
             );
             continue;
         }
@@ -606,6 +606,17 @@ fn place_links(
         poses.insert((*name).to_owned(), pose);
     }
     (out.problems.len() == before).then(|| (roots[0].to_owned(), poses))
+}
+
+/// What is wrong with links that have another number of roots than one, and what to do.
+fn wrong_roots(roots: &[&str]) -> (String, &'static str) {
+    if roots.is_empty() {
+        let what = "has no root link: every link hangs on another one";
+        let remedy = "a URDF is a tree: remove the joint above the link that is to be its root";
+        return (what.to_owned(), remedy);
+    }
+    let remedy = "join the links by joints into one tree";
+    (format!("has {} root links: {}", roots.len(), list(roots.iter().copied())), remedy)
 }
 
 fn check_meshes(
@@ -747,7 +758,7 @@ pub(crate) fn mass_of(
         DVec3::new(i.ixz, i.iyz, i.izz),
     );
     let mass_kg = link.inertial.mass.value;
-    let mut refuse = |key: &str, value: String, unit: &str, what: &str, allowed: &str| {
+    let mut wrong = |key: &str, value: String, unit: &str, what: &str, allowed: &str| {
         out.problems.push(Problem {
             file: path.into(),
             line: tree.line("link", &link.name),
@@ -763,16 +774,16 @@ pub(crate) fn mass_of(
     // One that is no number was told where it stands.
     if mass_kg.is_finite() && !(mass_kg >= least && mass_kg <= most) {
         let allowed = format!("≥ {least} and ≤ {most} kg");
-        refuse("mass", mass_kg.to_string(), "kg", "is out of range", &allowed);
+        wrong("mass", mass_kg.to_string(), "kg", "is out of range", &allowed);
     }
     let p = principal_moments(inertia);
     let shown = format!("principal moments {:.6} {:.6} {:.6}", p[0], p[1], p[2]);
     if p[0] <= 0.0 {
         let what = "is not positive definite";
-        refuse("inertia", shown, "kg·m²", what, "three principal moments > 0");
+        wrong("inertia", shown, "kg·m²", what, "three principal moments > 0");
     } else if p[0] + p[1] < p[2] * (1.0 - 1e-9) {
         let what = "is not that of any body: the sum of two principal moments is below the third";
-        refuse("inertia", shown, "kg·m²", what, "each moment ≤ the sum of the others");
+        wrong("inertia", shown, "kg·m²", what, "each moment ≤ the sum of the others");
     }
     let x = x * pose_of(&link.inertial.origin);
     MassProperties {

@@ -79,8 +79,9 @@ pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> Init
     let time = if c.velocity_m_s.x < 0.0 { gap_m / -c.velocity_m_s.x } else { 0.0 };
     let mut plane = first;
     loop {
-        let (bodies, free) = taken_back(system, c, plane, time);
-        if free || !touches || plane > first + PLANE_SEARCH {
+        let last = !touches || plane > first + PLANE_SEARCH;
+        let (bodies, free) = taken_back(system, c, plane, time, last);
+        if free || last {
             return InitialState {
                 bodies,
                 time_to_contact_s: time,
@@ -96,12 +97,14 @@ pub fn initial_state(system: &System, c: &ContactConditions, gap_m: f64) -> Init
 const PLANE_SEARCH: f64 = 0.3;
 
 /// States at the start for a plane of first contact, and whether the sides are apart all the way
-/// back from it.
+/// back from it. Without `whole` the way ends where they are not: depths of sides that lie far within each
+/// other take long to find.
 fn taken_back(
     system: &System,
     c: &ContactConditions,
     plane: f64,
     time: f64,
+    whole: bool,
 ) -> ([BodyState; 3], bool) {
     let q_34 = c.attitude.to_quat();
     // e3 is at the origin with the axes of the world for the moment.
@@ -146,16 +149,24 @@ fn taken_back(
         body(RING, x_wr, Twist { v: v_r, w: w_c }),
         body(TARGET, x_wt, Twist { v: v_t, w: w_t }),
     ];
-    flown_back(system, bodies, time, still)
+    flown_back(system, bodies, time, Way { apart: still, whole })
 }
 
-/// Free flight back over `time`, and whether the sides are apart all the way. `apart`: chaser and ring fly
-/// side by side, as they may where they do not turn; else as one body.
+/// How a way back is flown.
+#[derive(Clone, Copy)]
+struct Way {
+    /// Chaser and ring fly side by side, as they may where they do not turn; else as one body.
+    apart: bool,
+    /// To its end, whatever touches on it.
+    whole: bool,
+}
+
+/// Free flight back over `time`, and whether the sides are apart all the way.
 fn flown_back(
     system: &System,
     mut bodies: [BodyState; 3],
     time: f64,
-    apart: bool,
+    Way { apart, whole }: Way,
 ) -> ([BodyState; 3], bool) {
     let mass = system.mass();
     let one = Carried::new(system);
@@ -174,8 +185,10 @@ fn flown_back(
             bodies[TARGET].drift(&mass[TARGET], -time / steps);
             one.part(&carrier, mass, &mut bodies);
         }
-        let poses = system.poses(&bodies.map(|b| b.pose()));
-        free &= !system.touches(&poses);
+        free = free && !system.touches(&system.poses(&bodies.map(|b| b.pose())));
+        if !free && !whole {
+            break;
+        }
         left -= 1.0;
     }
     (bodies, free)

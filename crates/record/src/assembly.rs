@@ -164,6 +164,13 @@ impl Assembly {
         }
     }
 
+    /// A channel that was not declared yet.
+    pub(crate) fn channel_if_new(&mut self, id: u16, topic: &str) {
+        if !self.roles.contains_key(&id) {
+            self.channel(id, topic);
+        }
+    }
+
     /// The channels as the recorder numbers them, for a log whose first chunk is lost.
     pub(crate) fn own_channels(&mut self) {
         let own = OWN_TOPICS.iter().filter(|t| self.digests || **t != DIGEST_TOPIC);

@@ -274,16 +274,20 @@ pub fn compare(
 ) -> Result<Comparison, RecordError> {
     let surveys = [survey(a)?, survey(b)?];
     let [sa, sb] = &surveys;
-    let absent = |r: &RunReader, what: &str| RecordError::Absent {
+    let absent = |r: &RunReader, what: &str, remedy| RecordError::Absent {
         what: what.into(),
+        remedy,
         path: r.log_path().to_owned(),
+    };
+    let untouched = |r: &RunReader| {
+        let remedy = "align the runs at their start, or give runs in which something touches";
+        absent(r, "a contact to align by", remedy)
     };
     let zero = match options.align {
         Align::Start => [sa.start_ns, sb.start_ns],
-        Align::FirstContact => [
-            sa.contact_ns.ok_or_else(|| absent(a, "a contact to align by"))?,
-            sb.contact_ns.ok_or_else(|| absent(b, "a contact to align by"))?,
-        ],
+        Align::FirstContact => {
+            [sa.contact_ns.ok_or_else(|| untouched(a))?, sb.contact_ns.ok_or_else(|| untouched(b))?]
+        }
     };
     let shift = zero[1] - zero[0];
     let (mut pairs, mut states) = (Vec::new(), Vec::new());
@@ -341,7 +345,8 @@ pub fn compare(
         }
     }
     if out.ticks == 0 {
-        return Err(absent(a, "a time in common with the other recording"));
+        let remedy = "give two runs of at least one tick, and align them where both have ticks";
+        return Err(absent(a, "a time in common with the other recording", remedy));
     }
     out.columns = pairs.into_iter().map(|p| p.finish(out.ticks)).collect();
     worst_first(&mut out.columns);

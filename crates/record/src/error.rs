@@ -87,10 +87,12 @@ pub enum RecordError {
     ColumnsDiffer(Vec<String>),
 
     /// A tick or column asked for that the recording has not.
-    #[error("{what} is not in the recording: {}", .path.display())]
+    #[error("{what} is not in the recording; {remedy}: {}", .path.display())]
     Absent {
         /// What was asked for.
         what: String,
+        /// What to do about it.
+        remedy: &'static str,
         /// The file.
         path: PathBuf,
     },

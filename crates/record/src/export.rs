@@ -37,14 +37,19 @@ pub struct Exported {
 impl Selection {
     /// Indices of the columns chosen, in their order.
     fn indices(&self, r: &RunReader) -> Result<Vec<usize>, RecordError> {
-        let absent = |what: String| RecordError::Absent { what, path: r.log_path().to_owned() };
+        let absent = |what: String, remedy| {
+            let path = r.log_path().to_owned();
+            RecordError::Absent { what, remedy, path }
+        };
         if self.columns.is_empty() {
             return Ok((0..r.columns().len()).collect());
         }
         let mut chosen = vec![false; r.columns().len()];
         for text in &self.columns {
-            let pattern = glob::Pattern::new(text)
-                .map_err(|e| absent(format!("`{text}` is no pattern ({e}) and")))?;
+            let pattern = glob::Pattern::new(text).map_err(|e| {
+                let remedy = "write a name with * ? or a whole [...] in it";
+                absent(format!("`{text}` is no pattern ({e}) and"), remedy)
+            })?;
             let mut any = false;
             for (c, chosen) in r.columns().iter().zip(&mut chosen) {
                 if pattern.matches(&c.name) || pattern.matches(&c.topic) {
@@ -52,7 +57,8 @@ impl Selection {
                 }
             }
             if !any {
-                return Err(absent(format!("a column or topic like `{text}`")));
+                let remedy = "name one of the columns that an export without --columns has";
+                return Err(absent(format!("a column or topic like `{text}`"), remedy));
             }
         }
         Ok((0..chosen.len()).filter(|i| chosen[*i]).collect())
@@ -78,8 +84,11 @@ const CONTACT_NUMBERS: [&str; 11] = [
     "friction_w_z_n",
 ];
 
+/// What an export that cannot be written was doing, in [`RecordError::Io`].
+pub const WRITE_EXPORT: &str = "write the export";
+
 fn failed(path: &std::path::Path) -> impl Fn(io::Error) -> RecordError + '_ {
-    move |e| RecordError::io("write the export", path, &e)
+    move |e| RecordError::io(WRITE_EXPORT, path, &e)
 }
 
 /// Appends a cell as text: the shortest decimal that gives the same bits again, 0 or 1 for yes or

@@ -83,7 +83,7 @@ pub use compare::{
 pub use diff::{Difference, first_difference, first_difference_except};
 pub use error::RecordError;
 pub use event::Event;
-pub use export::{Exported, Selection, export_csv, export_mat};
+pub use export::{Exported, Selection, WRITE_EXPORT, export_csv, export_mat};
 pub use flaw::{Cut, Flaw, Hole};
 pub use import::read_table;
 #[doc(hidden)]

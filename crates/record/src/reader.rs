@@ -62,6 +62,8 @@ pub struct RunReader {
     closed_holes: usize,
     /// Misfits of the assembly that are holes already.
     misfits: usize,
+    /// Whether channels that were not declared were looked for in the index.
+    looked: bool,
 }
 
 impl fmt::Debug for RunReader {
@@ -104,6 +106,7 @@ impl RunReader {
             holes: Vec::new(),
             closed_holes: 0,
             misfits: 0,
+            looked: false,
         };
         r.read_head()?;
         Ok(r)
@@ -261,6 +264,22 @@ impl RunReader {
         }
     }
 
+    /// Looks for channels that were not declared, because the first chunk is not there, or not all of it; once.
+    /// False where there is nothing to look for any more. The place in the file is lost.
+    fn look_for_channels(&mut self) -> bool {
+        if !self.assembly.knows_channels() {
+            self.find_channels();
+        } else if core::mem::replace(&mut self.looked, true) {
+            return false;
+        } else {
+            // Other writers number them otherwise: only the index tells, and only what is not known.
+            for (id, topic) in self.indexed_channels().unwrap_or_default() {
+                self.assembly.channel_if_new(id, &topic);
+            }
+        }
+        true
+    }
+
     fn indexed_channels(&self) -> Option<Vec<(u16, String)>> {
         const FOOTER: u64 = 9 + 20 + 8;
         let mut file = self.file.get_ref().try_clone().ok()?;
@@ -379,7 +398,8 @@ impl RunReader {
         match &s.record_digest {
             Some(digest) if *digest != rows => {
                 return Some(format!(
-                    "summary.json and run.mcap are not of one run, or edited: the digest of the rows is                      {digest} in one and {rows} in the other"
+                    "summary.json and run.mcap are not of one run, or edited: the digest of the rows \
+                     is {digest} in one and {rows} in the other"
                 ));
             }
             None if self.assembly.has_digests() => {
@@ -701,14 +721,20 @@ impl RunReader {
         read
     }
 
-    fn read_records(&mut self, mut rest: &[u8]) -> Result<(), Stop> {
+    /// A chunk is what its checksum says: a record in it that is none was put there.
+    fn read_records(&mut self, rest: &[u8]) -> Result<(), Stop> {
+        self.take_records(rest).map_err(|stop| match stop {
+            Stop::Cut(Flaw::Damaged, why) => Stop::Cut(Flaw::Edited, why),
+            other => other,
+        })
+    }
+
+    fn take_records(&mut self, mut rest: &[u8]) -> Result<(), Stop> {
         while !rest.is_empty() {
             let (op, body, after) = bounded::first_record(rest).ok_or_else(|| {
                 Stop::Cut(Flaw::Edited, "a chunk ends within one of its records".into())
             })?;
-            if !take(&mut self.assembly, op, body)? && !self.assembly.knows_channels() {
-                // The first chunk, which declares them, is not there.
-                self.find_channels();
+            if !take(&mut self.assembly, op, body)? && self.look_for_channels() {
                 self.file.seek(SeekFrom::Start(self.at))?;
                 take(&mut self.assembly, op, body)?;
             }
@@ -802,7 +828,10 @@ pub fn flip_bit(
 ) -> Result<(), RecordError> {
     let dir = dir.as_ref();
     let mut r = RunReader::open(dir)?;
-    let absent = |what: String| RecordError::Absent { what, path: dir.join(files::LOG) };
+    let absent = |what: String| {
+        let remedy = "name one that it has";
+        RecordError::Absent { what, remedy, path: dir.join(files::LOG) }
+    };
     let index = r.column_index(column).ok_or_else(|| absent(format!("the column `{column}`")))?;
     let half = dir.join(".run.mcap.part");
     let error = |e| RecordError::io("write the log", &half, &e);

@@ -87,7 +87,8 @@ pub fn recover(dir: impl AsRef<Path>) -> Result<Recovered, RecordError> {
         last,
         log_rewritten: cut
             .as_ref()
-            .is_some_and(|c| !matches!(c.flaw, Flaw::Foreign | Flaw::Recovered)),
+            .is_some_and(|c| !matches!(c.flaw, Flaw::Foreign | Flaw::Recovered))
+            || !holes.is_empty(),
         cut,
         unverified: r.unverified(),
         events: 0,

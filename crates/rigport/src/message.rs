@@ -29,6 +29,13 @@ pub const LATCHES: usize = 8;
 /// Words kept for later versions, all zero.
 pub const RESERVED: usize = 8;
 
+/// Largest number of either structure, in SI: far beyond any rig, and small enough that products of two
+/// stay finite.
+pub const LARGEST: f64 = 1e12;
+
+/// How far the length of an attitude's quaternion may be from 1.
+pub const ATTITUDE_TOLERANCE: f64 = 0.01;
+
 /// Shortest and longest period of a loop, ns.
 pub const PERIODS_NS: core::ops::RangeInclusive<u64> = 10_000..=1_000_000_000;
 
@@ -425,8 +432,14 @@ pub fn six(first: DVec3, second: DVec3) -> [f64; 6] {
     [first.x, first.y, first.z, second.x, second.y, second.z]
 }
 
-fn finite<const N: usize>(x: &[f64; N]) -> bool {
-    x.iter().all(|x| x.is_finite())
+/// Whether four numbers are an attitude: a unit quaternion.
+fn is_attitude(x: &[f64; 4]) -> bool {
+    let length = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length - 1.0).abs() <= ATTITUDE_TOLERANCE
+}
+
+fn in_size(x: f64) -> bool {
+    x.abs() <= LARGEST
 }
 
 impl RigCommand {
@@ -492,6 +505,21 @@ impl RigCommand {
     /// True when no number is infinite or not a number.
     #[must_use]
     pub fn is_finite(&self) -> bool {
+        self.each(f64::is_finite)
+    }
+
+    /// True when no number is beyond [`LARGEST`], and what is followed as an attitude is one.
+    #[must_use]
+    pub fn is_in_range(&self) -> bool {
+        let tracks = self.mode == RigMode::Track as u32;
+        let holds = self.guard_limits.contains(GuardLimits::POSE);
+        self.each(in_size)
+            && (!tracks || is_attitude(&self.plate_attitude))
+            && (!holds || is_attitude(&self.guard_box_attitude))
+    }
+
+    /// Whether every number is as asked.
+    fn each(&self, is: fn(f64) -> bool) -> bool {
         let legs =
             [&self.leg_length_m, &self.leg_speed_m_s, &self.leg_flow_speed_m_s, &self.leg_force_n];
         let sixes = [
@@ -518,13 +546,14 @@ impl RigCommand {
             self.guard_rate_rad_s,
             self.guard_box_turn_rad,
         ];
-        legs.into_iter().all(finite)
-            && sixes.into_iter().all(finite)
-            && threes.into_iter().all(finite)
-            && finite(&self.plate_attitude)
-            && finite(&self.guard_box_attitude)
-            && finite(&self.mechanism)
-            && finite(&single)
+        let all = |x: &[f64]| x.iter().all(|x| is(*x));
+        legs.into_iter().all(|x| all(x))
+            && sixes.into_iter().all(|x| all(x))
+            && threes.into_iter().all(|x| all(x))
+            && all(&self.plate_attitude)
+            && all(&self.guard_box_attitude)
+            && all(&self.mechanism)
+            && all(&single)
     }
 
     /// True when nothing stands where a later version may have something.
@@ -646,6 +675,20 @@ impl RigMeasurement {
     /// True when no number that holds is infinite or not a number.
     #[must_use]
     pub fn is_finite(&self) -> bool {
+        self.each(f64::is_finite)
+    }
+
+    /// True when no number that holds is beyond [`LARGEST`], and what holds as an attitude is one.
+    #[must_use]
+    pub fn is_in_range(&self) -> bool {
+        let absent = |bit| !self.has(bit);
+        self.each(in_size)
+            && (absent(Capabilities::PLATE_POSE) || is_attitude(&self.plate_attitude))
+            && (absent(Capabilities::TRUTH) || is_attitude(&self.truth_attitude))
+    }
+
+    /// Whether every number that holds is as asked.
+    fn each(&self, is: fn(f64) -> bool) -> bool {
         use Capabilities as C;
         let absent = |bit| !self.has(bit);
         let six: [(C, &[f64; 6]); 7] = [
@@ -666,11 +709,13 @@ impl RigMeasurement {
             (C::TRUTH, &self.truth_position_m),
         ];
         let truth = [&self.truth_twist, &self.truth_port3, &self.truth_port4];
-        six.into_iter().all(|(bit, x)| absent(bit) || finite(x))
-            && three.into_iter().all(|(bit, x)| absent(bit) || finite(x))
-            && (absent(C::PLATE_POSE) || finite(&self.plate_attitude))
-            && (absent(C::TEMPERATURE) || finite(&self.temperature_c))
-            && (absent(C::TRUTH) || (finite(&self.truth_attitude) && truth.into_iter().all(finite)))
+        let all = |x: &[f64]| x.iter().all(|x| is(*x));
+        six.into_iter().all(|(bit, x)| absent(bit) || all(x))
+            && three.into_iter().all(|(bit, x)| absent(bit) || all(x))
+            && (absent(C::PLATE_POSE) || all(&self.plate_attitude))
+            && (absent(C::TEMPERATURE) || all(&self.temperature_c))
+            && (absent(C::TRUTH)
+                || (all(&self.truth_attitude) && truth.into_iter().all(|x| all(x))))
     }
 
     /// True when nothing stands where a later version may have something.
@@ -744,11 +789,13 @@ pub enum Refusal {
     Reserved = 11,
     /// A tracking command with the values of legs that the rig does not have, or without those it needs.
     Legs = 12,
+    /// A number beyond any rig, or an attitude that is no unit quaternion.
+    Range = 13,
 }
 
 impl Refusal {
     /// All of them, by number from 1.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Version,
         Self::Size,
         Self::TickBack,
@@ -761,6 +808,7 @@ impl Refusal {
         Self::Period,
         Self::Reserved,
         Self::Legs,
+        Self::Range,
     ];
 
     /// From the number on the wire.
@@ -793,6 +841,10 @@ impl fmt::Display for Refusal {
             Self::Legs => {
                 "values of another number of legs than the rig follows: send as many as its \
                  measurements say, or none to a rig that takes the plate's pose"
+            }
+            Self::Range => {
+                "a number beyond 1e12, or an attitude that is no unit quaternion: give SI units, and w, x, \
+                 y, z of length 1"
             }
         })
     }
@@ -835,6 +887,32 @@ mod tests {
         // Eight words of integers in front, the phases of the latches, and the end.
         assert_eq!(count(&all), RigMeasurement::WIRE_BYTES / 8 - 8 - LATCHES / 2 - RESERVED);
         assert_eq!(count(&none), 0);
+    }
+
+    /// Found by fuzzing: finite numbers of which products are not, and attitudes without a direction.
+    #[test]
+    fn regress_numbers_beyond_any_rig_and_attitudes_that_are_none_are_seen() {
+        let track = RigCommand { mode: RigMode::Track as u32, ..RigCommand::zero() };
+        let all = RigMeasurement { capabilities: Capabilities::all(), ..RigMeasurement::zero() };
+        assert!(track.is_in_range() && all.is_in_range() && RigMeasurement::zero().is_in_range());
+        let guarded = RigCommand { guard_limits: GuardLimits::POSE, ..RigCommand::zero() };
+        for none in [[0.0; 4], [2.0, 0.0, 0.0, 0.0], [1e200; 4], [f64::NAN, 0.0, 0.0, 1.0]] {
+            assert!(!RigCommand { plate_attitude: none, ..track }.is_in_range(), "{none:?}");
+            assert!(!RigCommand { guard_box_attitude: none, ..guarded }.is_in_range(), "{none:?}");
+            assert!(!RigMeasurement { plate_attitude: none, ..all }.is_in_range(), "{none:?}");
+            assert!(!RigMeasurement { truth_attitude: none, ..all }.is_in_range(), "{none:?}");
+        }
+        // What nobody follows may be left empty.
+        assert!(RigCommand { plate_attitude: [0.0; 4], ..RigCommand::zero() }.is_in_range());
+        assert!(
+            RigMeasurement { plate_attitude: [0.0; 4], ..RigMeasurement::zero() }.is_in_range()
+        );
+        for x in [1e13, -1e300, f64::INFINITY] {
+            assert!(!RigCommand { guard_force_n: x, ..track }.is_in_range());
+            assert!(
+                !RigMeasurement { sensor_a: [0.0, 0.0, x, 0.0, 0.0, 0.0], ..all }.is_in_range()
+            );
+        }
     }
 
     #[test]

@@ -54,6 +54,9 @@ impl Sequence {
         if !c.is_finite() {
             return Err(Refusal::NotFinite);
         }
+        if !c.is_in_range() {
+            return Err(Refusal::Range);
+        }
         if now_ns.is_some_and(|now| c.wakeup_ns > now) {
             return Err(Refusal::Future);
         }
@@ -86,6 +89,9 @@ impl Sequence {
         }
         if !m.is_finite() {
             return Err(Refusal::NotFinite);
+        }
+        if !m.is_in_range() {
+            return Err(Refusal::Range);
         }
         if m.stamp_ns > now_ns {
             return Err(Refusal::Future);

@@ -59,9 +59,7 @@ impl RunError {
     pub fn remedy(&self) -> &str {
         match self {
             Self::Usage { remedy, .. } => remedy,
-            Self::Overlap(_) => {
-                "give a smaller initial.gap_m (0.01 m suffices), or less lateral speed and rate"
-            }
+            Self::Overlap(_) => "give a smaller initial.gap_m, or less lateral speed and rate",
             Self::RigFile(RigFileError::Write { .. }) => {
                 "files are never overwritten: give a new one with --out"
             }

@@ -29,6 +29,7 @@ mod load_expect;
 mod loader;
 mod overrides;
 mod read;
+mod stiff;
 
 pub use builder::ScenarioBuilder;
 pub use docktwin_model::keys::UnknownKey;

@@ -14,11 +14,14 @@ use crate::keys::places;
 use crate::load_expect::read_expect;
 use crate::overrides::{self, Patch};
 use crate::read::{count, flag, maybe, number, vector};
+use crate::stiff::Moving;
 
 /// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
 const MOST_TICKS: f64 = 1e8;
 /// Steps of a run: more than a week of computing.
 const MOST_STEPS: f64 = 1e10;
+/// Steps of a tick: the range of `run.steps_per_tick`.
+const MOST_STEPS_PER_TICK: f64 = 1e4;
 /// Longest free flight from the start to first contact, s; it is computed back in short steps.
 const LONGEST_APPROACH_S: f64 = 1000.0;
 /// Characters of a scenario's name.
@@ -250,6 +253,15 @@ pub(crate) fn checked(
         let chaser = load.craft("chaser.model", &said.chaser, 1.0);
         let target = load.craft("target.model", &said.target, -1.0);
         let mechanism = load.mechanism(&said);
+        if let (Some(chaser), Some(target), Some(mechanism)) = (&chaser, &target, &mechanism) {
+            load.refuse_too_stiff(&Moving {
+                chaser,
+                target,
+                mechanism,
+                tick_s: said.run.tick_nanos as f64 * 1e-9,
+                steps_per_tick: said.run.steps_per_tick,
+            });
+        }
         Some(Scenario {
             name: said.name,
             description: said.description,
@@ -573,6 +585,29 @@ impl Loading<'_> {
             remedy: remedy.into(),
             ..Problem::default()
         });
+    }
+
+    /// What the steps of the run cannot follow. Of files that are wrong otherwise nothing is said.
+    fn refuse_too_stiff(&mut self, moving: &Moving<'_>) {
+        if !self.problems.is_empty() {
+            return;
+        }
+        for s in moving.too_stiff() {
+            let steps = (moving.tick_s / s.step_s).ceil();
+            let here = s.key.starts_with("mechanism.contact.");
+            let (place, most) = (if here { "" } else { " in the mechanism's file" }, 0.99 * s.most);
+            let remedy = if steps <= MOST_STEPS_PER_TICK {
+                format!("make it {most:.2e} at most{place}, or take run.steps_per_tick = {steps}")
+            } else {
+                format!("make it {most:.2e} at most{place}")
+            };
+            let what = format!(
+                "acts faster than steps of {} ms can follow on what it moves, at most {:.2e}",
+                s.taken_s * 1e3,
+                s.most
+            );
+            self.refuse(&s.key, format!("{:e}", s.value), &what, &remedy);
+        }
     }
 
     /// A path named by the scenario, looked for from its folder upward. Nothing when the name is

@@ -42,6 +42,7 @@ impl Side {
         let column = |name: &str| {
             table.get(name).ok_or_else(|| RecordError::Absent {
                 what: format!("the column `{name}`"),
+                remedy: "rehearse again with this version",
                 path: docktwin_record::files::TABLE.into(),
             })
         };

@@ -116,6 +116,7 @@ fn contact_rows(t: &Table, path: &Path) -> Result<BTreeMap<u64, Vec<ContactRow>>
     let column = |name: &str| {
         t.get(name).ok_or_else(|| RecordError::Absent {
             what: format!("the column `{name}` of the contacts"),
+            remedy: "run the second engine again with this version",
             path: path.to_owned(),
         })
     };
