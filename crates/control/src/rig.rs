@@ -191,16 +191,15 @@ impl RigCommand {
     /// it: along twist and acceleration, as [`LegCommand::target`].
     fn motion(&self, before: &Self, since_s: f64) -> (Pose, Twist, Twist) {
         let rate = |x: DVec3, x0: DVec3| (x - x0) / TICK_S;
-        let acceleration = Twist {
-            v: rate(self.twist.v, before.twist.v),
-            w: rate(self.twist.w, before.twist.w),
-        };
+        let acceleration =
+            Twist { v: rate(self.twist.v, before.twist.v), w: rate(self.twist.w, before.twist.w) };
         let (t, half) = (since_s, 0.5 * since_s);
         let mean = Twist {
             v: self.twist.v + acceleration.v * half,
             w: self.twist.w + acceleration.w * half,
         };
-        let end = Twist { v: self.twist.v + acceleration.v * t, w: self.twist.w + acceleration.w * t };
+        let end =
+            Twist { v: self.twist.v + acceleration.v * t, w: self.twist.w + acceleration.w * t };
         (Platform::moved(&self.x_bp, &mean, t), end, acceleration)
     }
 }

@@ -283,7 +283,10 @@ fn conforms<C: Compensator>(
     }
     let name = delayed().name();
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    assert!(!name.is_empty() && name.chars().all(plain), "{name}: lower-case letters, digits and -");
+    assert!(
+        !name.is_empty() && name.chars().all(plain),
+        "{name}: lower-case letters, digits and -"
+    );
 }
 
 #[test]

@@ -68,7 +68,9 @@ fn main() -> ExitCode {
         "usual" => draws::USUAL,
         "wild" => draws::WILD,
         _ => {
-            eprintln!("name a twin (reduced, full), a region (usual, wild), a count and a first draw");
+            eprintln!(
+                "name a twin (reduced, full), a region (usual, wild), a count and a first draw"
+            );
             return ExitCode::from(2);
         }
     };

@@ -83,9 +83,9 @@ fn causes(text: &str) -> Result<Causes, String> {
         return Ok(Causes(Cause::ALL.to_vec()));
     }
     let found = Cause::ALL.into_iter().find(|c| c.name() == text);
-    found.map(|c| Causes(vec![c])).ok_or_else(|| {
-        format!("give all or one of {}", Cause::ALL.map(Cause::name).join(", "))
-    })
+    found
+        .map(|c| Causes(vec![c]))
+        .ok_or_else(|| format!("give all or one of {}", Cause::ALL.map(Cause::name).join(", ")))
 }
 
 /// In a budget the lead follows the delays that are left in the rig: a given one would be too long for them.

@@ -5,8 +5,7 @@ use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose};
 use docktwin_model::{
     Attenuator, AxisChannel, CharacteristicAttenuator, ContactLaw, DampingPhases, DockingMechanism,
     LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry,
-    PiecewiseCurve,
-    RingBody, RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
+    PiecewiseCurve, RingBody, RingGeometry, SeriesBrake, SideGeometry, Spacecraft,
 };
 use docktwin_physics::{
     initial::{ContactConditions, initial_state},

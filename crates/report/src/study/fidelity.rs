@@ -168,10 +168,8 @@ pub fn plots(all: &[Budget]) -> Result<Vec<NamedText>, PlotError> {
 }
 
 fn plot(b: &Budget) -> Result<String, PlotError> {
-    let force: [(&str, Figure); 2] = [
-        ("felt", |r, w| r.felt(w).nrms_force),
-        ("hardware", |r, w| r.hardware(w).nrms_force),
-    ];
+    let force: [(&str, Figure); 2] =
+        [("felt", |r, w| r.felt(w).nrms_force), ("hardware", |r, w| r.hardware(w).nrms_force)];
     let bar = |x: f64, colour, height| Bar {
         range: x.min(0.0)..x.max(0.0),
         colour,
@@ -188,10 +186,8 @@ fn plot(b: &Budget) -> Result<String, PlotError> {
     for (name, on) in [("as it is", &b.as_is), ("all causes removed", &b.without_all)] {
         for (of, figure) in force {
             let bars = figure(on, over).map(|x| bar(100.0 * x, Colour::Ink, 0.8));
-            plot = plot.lane(Lane {
-                name: format!("{name}, {of}"),
-                bars: bars.into_iter().collect(),
-            });
+            plot =
+                plot.lane(Lane { name: format!("{name}, {of}"), bars: bars.into_iter().collect() });
         }
     }
     for share in &b.shares {
@@ -199,10 +195,8 @@ fn plot(b: &Budget) -> Result<String, PlotError> {
             let [removed, alone] = b.parts(share, figure);
             let bars = [(alone, Colour::Amber, 0.8), (removed, Colour::Blue, 0.4)];
             let bars = bars.into_iter().filter_map(|(x, c, h)| Some(bar(100.0 * x?, c, h)));
-            plot = plot.lane(Lane {
-                name: format!("{}, {of}", cause(share.cause)),
-                bars: bars.collect(),
-            });
+            plot = plot
+                .lane(Lane { name: format!("{}, {of}", cause(share.cause)), bars: bars.collect() });
         }
     }
     plot.svg(Embed::Alone)

@@ -5,8 +5,7 @@ use docktwin_core::{DMat3, DQuat, DVec3, Digest, Euler, Pose, SimTime};
 use docktwin_model::{
     Attenuator, AxisChannel, ContactLaw, DampingPhases, DifferentialAttenuator, DockingMechanism,
     LatchAxes, LatchSet, MechanismLimits, NormalLaw, OutcomeRules, PartOffsets, PetalGeometry,
-    PiecewiseCurve,
-    RingBody, RingGeometry, SideGeometry, Spacecraft,
+    PiecewiseCurve, RingBody, RingGeometry, SideGeometry, Spacecraft,
 };
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
 
