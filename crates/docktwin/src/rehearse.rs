@@ -8,7 +8,7 @@ use std::{
 use clap::Args;
 use docktwin_playback::ViewerFile;
 use docktwin_record::{Summary, Verdict};
-use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, signals::columns};
+use docktwin_run::{Rehearsal, RehearsalOptions, RunDirectory, signals::columns_for};
 use docktwin_scenario::{Expect, load_scenario};
 
 use crate::{
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     }
     let options = RehearsalOptions { twin: args.twin.kind(), seed: args.seed };
     let rehearsal = Rehearsal::with(&scenario, options)?;
-    let mut live = args.live.start(&scenario, &columns())?;
+    let mut live = args.live.start(&scenario, &columns_for(&scenario.mechanism))?;
     let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
     // Last: from here on the terminal is the pilot's.
     let pilot = args.pilot.start(&scenario)?;

@@ -501,7 +501,7 @@ impl Run {
     /// Whether the mechanism has latches, as far as is known.
     pub(crate) fn has_latches(&self) -> bool {
         match &self.geometry {
-            Some(g) => g.mechanism.latches.is_some(),
+            Some(g) => g.mechanism.latch_count() > 0,
             None => self.latched_s().iter().any(Option::is_some),
         }
     }

@@ -108,6 +108,8 @@ pub fn petals() -> PetalGeometry {
 
 pub fn side(with_petals: bool) -> SideGeometry {
     SideGeometry {
+        has_ring: true,
+        surfaces: Vec::new(),
         ring: RingGeometry { mean_radius_m: 0.6, section_radius_m: 0.025, segments: 48 },
         petals: with_petals.then(petals),
     }
@@ -129,6 +131,8 @@ pub fn apas() -> DockingMechanism {
         contact: law(),
         attenuator: Attenuator::Characteristic(attenuator()),
         stick: None,
+        own_latches: Vec::new(),
+        captured_when: Default::default(),
         latches: Some(LatchSet {
             azimuths_rad: [0.0, third, 2.0 * third],
             approach_gap_m: 0.05,
