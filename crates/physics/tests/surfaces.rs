@@ -214,7 +214,8 @@ fn oracle_ball_in_a_cone() {
     let n = DVec3::new(alpha.sin(), -alpha.cos(), 0.0);
     let v = DVec3::new(-0.4, 0.2, 0.0);
     let p = DVec3::new(0.25, 0.05, 0.0);
-    let mut pair = Pair::new(m(), [1e12, mass], [p, v, DVec3::ZERO], DQuat::IDENTITY);
+    // The ball has the mass: its force acts at its centre.
+    let mut pair = Pair::new(m(), [mass, 1e12], [p, v, DVec3::ZERO], DQuat::IDENTITY);
     while pair.state.net_impulse == DVec3::ZERO {
         pair.run(1, h);
     }
@@ -227,8 +228,8 @@ fn oracle_ball_in_a_cone() {
         }
     }
     near(pair.state.peak_force_n, peak, 1e-4, "force on a wall");
-    let after = pair.state.bodies[TARGET].v;
-    assert!((after - (v - 2.0 * v.dot(n) * n)).length() < 1e-4, "{after} of {v}");
+    let after = pair.state.bodies[CHASER].v;
+    assert!((after - 2.0 * v.dot(n) * n).length() < 1e-4, "{after} of {v}");
 }
 
 // Random poses ---------------------------------------------------------------------------------
@@ -405,7 +406,7 @@ fn refined(mut z: [f64; 4], far: &dyn Fn([f64; 4]) -> f64) -> f64 {
 #[test]
 fn oracle_depths_of_toruses_and_hollows_are_those_of_brute_force() {
     let mut draw = Draw::new(31);
-    let mut worst = 0.0f64;
+    let (mut worst, mut seen) = (0.0f64, 0);
     for [a, b] in pairs() {
         let revolved = |s: &Surface| matches!(s.core, SurfaceCore::Torus { .. } | SurfaceCore::Hollow { .. });
         if !revolved(&a) && !revolved(&b) {
@@ -415,13 +416,20 @@ fn oracle_depths_of_toruses_and_hollows_are_those_of_brute_force() {
         for _ in 0..60 {
             let x = Pose::new(draw.vector(0.3), draw.turn());
             let got = scene.depths(x, f64::NEG_INFINITY)[RING_AND_PETAL_PAIRS];
-            let want = a.rounding_m + b.rounding_m - brute(&a, &b, x);
+            let apart = brute(&a, &b, x);
+            // Limits end a run before cores meet.
+            if apart < 2e-3 {
+                continue;
+            }
+            let want = a.rounding_m + b.rounding_m - apart;
+            seen += 1;
             let name = format!("{} on {} at {x:?}", a.name, b.name);
             assert!((got - want).abs() < 1e-6, "{name}: {got}, brute force {want}");
             worst = worst.max((got - want).abs());
         }
     }
-    println!("worst {worst:.1e} m");
+    assert!(seen > 500, "{seen}");
+    println!("worst {worst:.1e} m in {seen}");
 }
 
 /// coal's distances stand in a table beside this file, made by `validation/oracles/convex_distances.py`.

@@ -11,12 +11,15 @@ use parry3d_f64::{
 use super::Spot;
 use crate::contact::look::Frame;
 
-/// A core as parry wants it.
+/// A core as parry wants it: larger by [`SCALE`], because parry's GJK takes an area below 5e-8 for none whatever the
+/// unit, and comes to rest micrometres from the truth on small curved bodies.
 struct Core<'a>(&'a SurfaceCore);
+
+const SCALE: f64 = 1e5;
 
 impl SupportMap for Core<'_> {
     fn local_support_point(&self, dir: Vector) -> Vector {
-        self.0.farthest(dir)
+        self.0.farthest(dir) * SCALE
     }
 }
 
@@ -58,13 +61,13 @@ fn segments([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> [DVec3; 2] {
 
 /// Nearest points by parry's GJK; one point twice where the cores meet.
 fn by_parry(first: &SurfaceCore, second: &SurfaceCore, x: &Frame) -> [DVec3; 2] {
-    let pose = Pose::from_parts(x.p, DQuat::from_mat3(&x.r).normalize());
+    let pose = Pose::from_parts(x.p * SCALE, DQuat::from_mat3(&x.r).normalize());
     let (a, b) = (Core(first), Core(second));
     let mut simplex = VoronoiSimplex::new();
-    let start = if x.p.length_squared() > 0.0 { x.p } else { DVec3::X };
-    simplex.reset(CsoPoint::from_shapes(&pose, &a, &b, start.normalize()));
+    let dir = if x.p.length_squared() > 0.0 { -x.p.normalize() } else { DVec3::X };
+    simplex.reset(CsoPoint::from_shapes(&pose, &a, &b, dir));
     match closest_points(&pose, &a, &b, f64::MAX, true, &mut simplex) {
-        GJKResult::ClosestPoints(p, q, _) => [p, q],
+        GJKResult::ClosestPoints(p, q, _) => [p / SCALE, q / SCALE],
         _ => [DVec3::ZERO; 2],
     }
 }
