@@ -91,9 +91,8 @@ pub(crate) fn read_active(
     let text = text?;
     let checker = FileKind::MechanismActive.checker(&toml, &text);
     let side = read::read(&checker, FileKind::MechanismActive, |t| {
-        let (ring_rest_offset_m, radius) = t.section("placement", |p| {
-            (p.number("ring_rest_offset_m"), reference_radius(t, p))
-        });
+        let (ring_rest_offset_m, radius) =
+            t.section("placement", |p| (p.number("ring_rest_offset_m"), reference_radius(t, p)));
         let geometry = read_geometry(t, radius);
         let ring_body = t.section("ring_body", read_ring_body);
         let contact = t.section("contact", read_contact);
@@ -154,9 +153,8 @@ pub(crate) fn read_passive(
     let text = text?;
     let checker = FileKind::MechanismPassive.checker(&toml, &text);
     let side = read::read(&checker, FileKind::MechanismPassive, |t| {
-        let (ring_offset_m, radius) = t.section("placement", |p| {
-            (p.number("passive_ring_offset_m"), reference_radius(t, p))
-        });
+        let (ring_offset_m, radius) =
+            t.section("placement", |p| (p.number("passive_ring_offset_m"), reference_radius(t, p)));
         let geometry = read_geometry(t, radius);
         PassiveSide {
             name: String::new(),
@@ -213,22 +211,24 @@ fn reference_radius(file: Section<'_, '_, '_>, placement: Section<'_, '_, '_>) -
     if file.has("ring") { 0.0 } else { placement.number("reference_radius_m") }
 }
 
+fn read_ring(r: Section<'_, '_, '_>) -> RingGeometry {
+    let ring = RingGeometry {
+        mean_radius_m: r.number("mean_radius_m"),
+        section_radius_m: r.number("section_radius_m"),
+        segments: r.count("segments"),
+    };
+    if ring.section_radius_m >= ring.mean_radius_m {
+        r.refuse(
+            "section_radius_m",
+            format!("is not below the mean radius, {} m", ring.mean_radius_m),
+            "make the section thinner than the ring",
+        );
+    }
+    ring
+}
+
 fn read_geometry(t: Section<'_, '_, '_>, reference_radius_m: f64) -> SideGeometry {
-    let ring = t.optional_section("ring", |r| {
-        let ring = RingGeometry {
-            mean_radius_m: r.number("mean_radius_m"),
-            section_radius_m: r.number("section_radius_m"),
-            segments: r.count("segments"),
-        };
-        if ring.section_radius_m >= ring.mean_radius_m {
-            r.refuse(
-                "section_radius_m",
-                format!("is not below the mean radius, {} m", ring.mean_radius_m),
-                "make the section thinner than the ring",
-            );
-        }
-        ring
-    });
+    let ring = t.optional_section("ring", read_ring);
     let has_ring = ring.is_some();
     let ring = ring.unwrap_or(RingGeometry {
         mean_radius_m: reference_radius_m,
@@ -236,7 +236,11 @@ fn read_geometry(t: Section<'_, '_, '_>, reference_radius_m: f64) -> SideGeometr
         segments: 8,
     });
     if !has_ring && t.has("petals") {
-        t.refuse("petals", "stand on a ring, and this side has none", "add [ring], or take [petals] out");
+        t.refuse(
+            "petals",
+            "stand on a ring, and this side has none",
+            "add [ring], or take [petals] out",
+        );
     }
     let petals = t.optional_section("petals", |p| {
         let petals = PetalGeometry {
@@ -284,7 +288,11 @@ fn read_geometry(t: Section<'_, '_, '_>, reference_radius_m: f64) -> SideGeometr
     });
     let surfaces = read_surfaces(t);
     if !has_ring && !t.has("surface") {
-        t.refuse("ring", "is missing, and there is no [[surface]] either: nothing could touch", "add [ring] or a [[surface]]");
+        t.refuse(
+            "ring",
+            "is missing, and there is no [[surface]] either: nothing could touch",
+            "add [ring] or a [[surface]]",
+        );
     }
     SideGeometry { ring, has_ring, petals, surfaces }
 }
@@ -837,8 +845,7 @@ pub fn mated_fit(active: &SideGeometry, passive: &SideGeometry) -> MatedFit {
         let s = ((ax * bx + ar * br) / (ax * ax + ar * ar)).clamp(0.0, 1.0);
         (bx - s * ax).hypot(br - s * ar) - p.thickness_m / 2.0 - ring.section_radius_m
     };
-    let petal_to_ring_m =
-        to_ring(&active.petals, passive).min(to_ring(&passive.petals, active));
+    let petal_to_ring_m = to_ring(&active.petals, passive).min(to_ring(&passive.petals, active));
     let roll_play_rad = active.petals.zip(passive.petals).map(|(a, p)| {
         let azimuths =
             |g: &PetalGeometry| (0..g.count).map(|i| g.azimuth_rad(i)).collect::<Vec<_>>();

@@ -30,7 +30,11 @@ pub(crate) fn read_surfaces(t: Section<'_, '_, '_>) -> Vec<Surface> {
     t.sections("surface", |s| {
         let surface = read_surface(s);
         if names.contains(&surface.name) {
-            s.refuse("name", "is the name of another surface, or of the ring", "choose another name");
+            s.refuse(
+                "name",
+                "is the name of another surface, or of the ring",
+                "choose another name",
+            );
         }
         names.push(surface.name.clone());
         surface
@@ -44,7 +48,8 @@ fn read_surface(s: Section<'_, '_, '_>) -> Surface {
     let p = DVec3::from_array(s.list("position_m"));
     let [roll, pitch, yaw] = s.list::<3>("rpy_deg").map(f64::to_radians);
     // Fixed axes X, Y, Z in this order, as in URDF.
-    let q = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+    let q =
+        DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
     let rounding_m = s.number("rounding_m");
     let half = || 0.5 * s.number("length_m");
     let core = match kind {
@@ -62,7 +67,11 @@ fn read_surface(s: Section<'_, '_, '_>) -> Surface {
     if let SurfaceCore::Torus { radius } = core
         && rounding_m >= radius
     {
-        s.refuse("rounding_m", format!("is not below core_radius_m, {radius} m"), "make the section thinner than the circle");
+        s.refuse(
+            "rounding_m",
+            format!("is not below core_radius_m, {radius} m"),
+            "make the section thinner than the circle",
+        );
     }
     Surface {
         name,
@@ -92,7 +101,11 @@ fn read_profile(s: Section<'_, '_, '_>) -> Vec<[f64; 2]> {
         s.refuse("profile_m", what, "leave points out, or make two surfaces of it");
     }
     if profile.iter().any(|p| p[1] < 0.0) {
-        s.refuse("profile_m", "has a radius below 0", "points are (x, radius), the radius 0 on the axis and else above");
+        s.refuse(
+            "profile_m",
+            "has a radius below 0",
+            "points are (x, radius), the radius 0 on the axis and else above",
+        );
     }
     let short = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) < 1e-6;
     if profile.windows(2).any(short) {
@@ -130,8 +143,13 @@ pub(crate) fn read_own_latches(t: Section<'_, '_, '_>) -> OwnLatches {
             let places: Vec<Option<usize>> =
                 list.split(',').map(|n| names.iter().position(|name| name == n.trim())).collect();
             if places.contains(&None) {
-                let what = format!("names a latch that is not there; there are {}", names.join(", "));
-                t.refuse("captured_when", what, "write `all`, `any`, or names of latches with commas between them");
+                let what =
+                    format!("names a latch that is not there; there are {}", names.join(", "));
+                t.refuse(
+                    "captured_when",
+                    what,
+                    "write `all`, `any`, or names of latches with commas between them",
+                );
             }
             CapturedWhen::These(places.into_iter().flatten().collect())
         }
@@ -186,11 +204,16 @@ pub(crate) fn place_surfaces(
         };
         let Some(x_link) = tree.links.get(&s.link) else {
             let names: Vec<&str> = tree.links.keys().map(String::as_str).collect();
-            refuse("is no link of the URDF".to_owned(), format!("name one of {}", names.join(", ")));
+            refuse(
+                "is no link of the URDF".to_owned(),
+                format!("name one of {}", names.join(", ")),
+            );
             continue;
         };
         if active && s.link != "ring" && !tree.hangs_on(&s.link, "ring") {
-            let what = "does not move with the ring, and what stands on the chaser itself cannot touch".to_owned();
+            let what =
+                "does not move with the ring, and what stands on the chaser itself cannot touch"
+                    .to_owned();
             refuse(what, "name `ring` or a link fixed to it".to_owned());
             continue;
         }
@@ -215,20 +238,31 @@ pub(crate) fn check_pairs(m: &DockingMechanism, files: &[PathBuf; 2], out: &mut 
         refuse(
             "surface",
             format!("{a} · {b}"),
-            format!("have no law of contact and come within reach of each other on the way to the docked place ({})", passive.display()),
-            "make one of them of another kind (spheres and capsules touch every kind but petals), take one out, or \
+            format!(
+                "have no law of contact and come within reach of each other on the way to the docked place ({})",
+                passive.display()
+            ),
+            "make one of them of another kind (spheres and capsules touch every kind), take one out, or \
              place it out of reach",
         );
     }
     let sides = [&m.active, &m.passive];
     if m.limits.depth_m > 0.04 && sides.iter().any(|s| s.has_ring || s.petals.is_some()) {
         let what = "is more than 0.04 m, beyond which the normals of rings and petals are not to be believed";
-        refuse("limits.depth_m", format!("{} m", m.limits.depth_m), what.to_owned(), "make it 0.04 m or less");
+        refuse(
+            "limits.depth_m",
+            format!("{} m", m.limits.depth_m),
+            what.to_owned(),
+            "make it 0.04 m or less",
+        );
     }
     let pairs = m.surface_pairs();
     let most = MOST_PAIRS - RING_AND_PETAL_PAIRS;
     if pairs.len() > most {
-        let what = format!("makes {} pairs with the other side, and there is room for {most}", pairs.len());
+        let what = format!(
+            "makes {} pairs with the other side, and there is room for {most}",
+            pairs.len()
+        );
         refuse("surface", String::new(), what, "take surfaces out, or make one hull of several");
     }
     let shallowest = pairs.iter().min_by(|a, b| radii(&a.surfaces).total_cmp(&radii(&b.surfaces)));
@@ -239,8 +273,10 @@ pub(crate) fn check_pairs(m: &DockingMechanism, files: &[PathBuf; 2], out: &mut 
         refuse(
             "limits.depth_m",
             format!("{} m", m.limits.depth_m),
-            format!("is not below the rounding of both surfaces of {} together, {sum} m, where their cores would meet",
-                DockingMechanism::surface_pair_name(p)),
+            format!(
+                "is not below the rounding of both surfaces of {} together, {sum} m, where their cores would meet",
+                DockingMechanism::surface_pair_name(p)
+            ),
             "make it smaller, or the rounding of one of them larger",
         );
     }
@@ -257,7 +293,12 @@ pub(crate) fn check_pairs(m: &DockingMechanism, files: &[PathBuf; 2], out: &mut 
         });
     }
     if m.stick.is_some() && !pairs.is_empty() {
-        refuse("surface", String::new(), "stands beside [stick], with which no surfaces touch".to_owned(), "keep one of both");
+        refuse(
+            "surface",
+            String::new(),
+            "stands beside [stick], with which no surfaces touch".to_owned(),
+            "keep one of both",
+        );
     }
 }
 

@@ -176,9 +176,8 @@ impl ContactLaw {
     #[must_use]
     pub const fn stiffness(&self) -> f64 {
         match self.normal {
-            NormalLaw::HuntCrossley { stiffness, .. } | NormalLaw::KelvinVoigt { stiffness, .. } => {
-                stiffness
-            }
+            NormalLaw::HuntCrossley { stiffness, .. }
+            | NormalLaw::KelvinVoigt { stiffness, .. } => stiffness,
         }
     }
 

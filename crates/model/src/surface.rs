@@ -93,15 +93,16 @@ impl SurfaceCore {
     }
 
     /// Whether a pair of such surfaces has a law: convex with convex; torus with sphere, capsule and torus; hollow
-    /// with sphere and capsule.
+    /// with sphere, capsule and torus.
     #[must_use]
     pub const fn may_touch(&self, other: &Self) -> bool {
         matches!(
             (self.family(), other.family()),
             (Family::Round | Family::Convex, Family::Round | Family::Convex)
                 | (Family::Torus, Family::Torus | Family::Round)
+                | (Family::Torus, Family::Hollow)
                 | (Family::Round, Family::Torus | Family::Hollow)
-                | (Family::Hollow, Family::Round)
+                | (Family::Hollow, Family::Round | Family::Torus)
         )
     }
 
@@ -152,15 +153,18 @@ impl SurfaceCore {
                 (DVec3::ZERO, radius.hypot(*half))
             }
             Self::Hull { points } => {
-                let (lo, hi) = points.iter().fold(
-                    (DVec3::INFINITY, DVec3::NEG_INFINITY),
-                    |(lo, hi), p| (lo.min(*p), hi.max(*p)),
-                );
+                let (lo, hi) =
+                    points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| {
+                        (lo.min(*p), hi.max(*p))
+                    });
                 from(0.5 * (lo + hi), &mut points.iter().copied())
             }
             Self::Hollow { profile } => {
                 let xs = profile.iter().map(|p| p[0]);
-                let (lo, hi) = (xs.clone().fold(f64::INFINITY, f64::min), xs.fold(f64::NEG_INFINITY, f64::max));
+                let (lo, hi) = (
+                    xs.clone().fold(f64::INFINITY, f64::min),
+                    xs.fold(f64::NEG_INFINITY, f64::max),
+                );
                 let points = &mut profile.iter().map(|[x, r]| DVec3::new(*x, *r, 0.0));
                 from(DVec3::X * (0.5 * (lo + hi)), points)
             }
@@ -317,19 +321,33 @@ impl DockingMechanism {
                 let words = p.surfaces.each_ref().map(|s| s.core.word());
                 format!(
                     "pair {} ({} on {}): stiffness = {:.6} N/m, friction = {:.6}",
-                    Self::surface_pair_name(p), words[0], words[1], p.stiffness_n_m, p.friction
+                    Self::surface_pair_name(p),
+                    words[0],
+                    words[1],
+                    p.stiffness_n_m,
+                    p.friction
                 )
             })
             .collect();
         if !self.own_latches.is_empty() {
             let names = |which: &[usize]| {
-                which.iter().map(|i| self.own_latches[*i].name.as_str()).collect::<Vec<_>>().join(", ")
+                which
+                    .iter()
+                    .map(|i| self.own_latches[*i].name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
             };
             let all: Vec<usize> = (0..self.own_latches.len()).collect();
             out.push(match &self.captured_when {
-                CapturedWhen::All => format!("captured when all of these have caught: {}", names(&all)),
-                CapturedWhen::Any => format!("captured when any of these has caught: {}", names(&all)),
-                CapturedWhen::These(which) => format!("captured when these have caught: {}", names(which)),
+                CapturedWhen::All => {
+                    format!("captured when all of these have caught: {}", names(&all))
+                }
+                CapturedWhen::Any => {
+                    format!("captured when any of these has caught: {}", names(&all))
+                }
+                CapturedWhen::These(which) => {
+                    format!("captured when these have caught: {}", names(which))
+                }
             });
         }
         out
@@ -352,11 +370,13 @@ impl DockingMechanism {
             })
         };
         if let Some(ball) = petals(&self.active) {
-            let others = self.passive.surfaces.iter().filter(|s| self.in_reach(ball, s.ball_around()));
+            let others =
+                self.passive.surfaces.iter().filter(|s| self.in_reach(ball, s.ball_around()));
             out.extend(others.map(|s| ["petals of the active side".to_owned(), named(s)]));
         }
         if let Some(ball) = petals(&self.passive) {
-            let others = self.active.surfaces.iter().filter(|s| self.in_reach(s.ball_around(), ball));
+            let others =
+                self.active.surfaces.iter().filter(|s| self.in_reach(s.ball_around(), ball));
             out.extend(others.map(|s| [named(s), "petals of the passive side".to_owned()]));
         }
         out

@@ -47,7 +47,9 @@ impl UrdfTree {
         let mut at = link;
         // A tree has no longer way than it has links.
         for _ in 0..self.links.len() {
-            let Some(joint) = self.robot.joints.iter().find(|j| j.child.link == at) else { return false };
+            let Some(joint) = self.robot.joints.iter().find(|j| j.child.link == at) else {
+                return false;
+            };
             if joint.joint_type != JointType::Fixed {
                 return false;
             }

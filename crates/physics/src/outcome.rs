@@ -109,8 +109,8 @@ impl Monitor {
         let rules = &m.outcome;
         let offset = DVec3::new(0.0, o.x_ring.p.y, o.x_ring.p.z).length();
         let height = |s: &docktwin_model::SideGeometry| {
-            let guides =
-                s.petals.map_or(0.0, |p| p.height_m + 0.5 * p.thickness_m) + s.ring.section_radius_m;
+            let guides = s.petals.map_or(0.0, |p| p.height_m + 0.5 * p.thickness_m)
+                + s.ring.section_radius_m;
             guides.max(s.surfaces_top_m().unwrap_or(0.0))
         };
         let petals = height(&m.active).max(height(&m.passive));
@@ -185,7 +185,10 @@ impl Monitor {
                 Outcome::Captured,
                 t,
                 if self.own {
-                    format!("{} of {} latches caught at {t:.3} s; {how}", self.latched, self.latches)
+                    format!(
+                        "{} of {} latches caught at {t:.3} s; {how}",
+                        self.latched, self.latches
+                    )
                 } else {
                     format!("all three latches caught at {t:.3} s; {how}")
                 },
@@ -202,7 +205,11 @@ impl Monitor {
             return of(
                 Outcome::Jammed,
                 now_s,
-                format!("{} of {} latches caught when the scenario ended", self.latched, self.counted()),
+                format!(
+                    "{} of {} latches caught when the scenario ended",
+                    self.latched,
+                    self.counted()
+                ),
             );
         }
         if !self.guided || (self.first_contact_s.is_some() && !self.touched_guided) {

@@ -4,7 +4,7 @@ mod common;
 use common::apas;
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, Twist};
 use docktwin_model::{
-    Attenuator, ContactLaw, DockingMechanism, MechanismLimits, NormalLaw, RingGeometry, RingBody,
+    Attenuator, ContactLaw, DockingMechanism, MechanismLimits, NormalLaw, RingBody, RingGeometry,
     SideGeometry, Spacecraft, Surface, SurfaceCore,
 };
 use docktwin_physics::{
@@ -13,7 +13,10 @@ use docktwin_physics::{
     mechanism::{CHASER, RING, System, TARGET},
     reduced::{DockingState, Inputs},
 };
-use rand_chacha::{ChaCha8Rng, rand_core::{RngCore, SeedableRng}};
+use rand_chacha::{
+    ChaCha8Rng,
+    rand_core::{RngCore, SeedableRng},
+};
 
 fn surface(core: SurfaceCore, rounding_m: f64) -> Surface {
     Surface {
@@ -127,7 +130,11 @@ impl Pair {
 
 fn balls() -> DockingMechanism {
     let ball = || Surface { stiffness_n_m: 2.0 * 3502.537, ..surface(SurfaceCore::Sphere, 1.0) };
-    mechanism(ball(), ball(), law(NormalLaw::KelvinVoigt { stiffness: 1.0, damping_n_s_m: 70.0507 }))
+    mechanism(
+        ball(),
+        ball(),
+        law(NormalLaw::KelvinVoigt { stiffness: 1.0, damping_n_s_m: 70.0507 }),
+    )
 }
 
 fn near(got: f64, want: f64, part: f64, what: &str) {
@@ -145,7 +152,7 @@ fn oracle_two_balls_meet_head_on() {
         let before = pair.state.net_impulse.x;
         pair.run(1, h);
         let t = f64::from(i) * h;
-        if pair.state.net_impulse.x != before {
+        if pair.state.net_impulse.x.to_bits() != before.to_bits() {
             begin.get_or_insert(t);
             end = Some(t);
         }
@@ -195,7 +202,8 @@ fn oracle_ball_in_a_cone() {
     let reach = 0.11 / alpha.sin() - 0.05 / alpha.tan();
     for v in [0.3, 0.7] {
         let p = DVec3::X * (reach + 1e-4);
-        let mut pair = Pair::new(m(), [1e12, mass], [p, DVec3::X * -v, DVec3::ZERO], DQuat::IDENTITY);
+        let mut pair =
+            Pair::new(m(), [1e12, mass], [p, DVec3::X * -v, DVec3::ZERO], DQuat::IDENTITY);
         pair.run(1, h);
         while pair.state.net_impulse == DVec3::ZERO {
             pair.run(1, h);
@@ -208,7 +216,12 @@ fn oracle_ball_in_a_cone() {
         let w = (1e5f64 / mass).sqrt() * alpha.sin();
         near(pair.state.peak_force_n, v * mass * w, 1e-4, "force along the axis");
         near(pair.state.peak_depth_m, v / w * alpha.sin(), 1e-4, "depth");
-        near(f64::from(steps) * h, 0.5 * core::f64::consts::PI / w, 1e-3, "a quarter of the period");
+        near(
+            f64::from(steps) * h,
+            0.5 * core::f64::consts::PI / w,
+            1e-3,
+            "a quarter of the period",
+        );
     }
     // Against one wall: the speed along its normal turns, that along it stays.
     let n = DVec3::new(alpha.sin(), -alpha.cos(), 0.0);
@@ -333,7 +346,11 @@ fn brute(a: &Surface, b: &Surface, x: Pose) -> f64 {
             SurfaceCore::Capsule { half } => DVec3::X * (half * (2.0 * u - 1.0)),
             SurfaceCore::Torus { radius } => around * *radius,
             SurfaceCore::Hollow { profile } => {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "small"
+                )]
                 let i = (w as usize).min(profile.len() - 2);
                 let [p, q] = [profile[i], profile[i + 1]];
                 let at = |k: usize| p[k] + (q[k] - p[k]) * u;
@@ -347,7 +364,8 @@ fn brute(a: &Surface, b: &Surface, x: Pose) -> f64 {
         _ => 1,
     };
     let along = |s: &Surface| !matches!(s.core, SurfaceCore::Sphere | SurfaceCore::Torus { .. });
-    let about = |s: &Surface| matches!(s.core, SurfaceCore::Torus { .. } | SurfaceCore::Hollow { .. });
+    let about =
+        |s: &Surface| matches!(s.core, SurfaceCore::Torus { .. } | SurfaceCore::Hollow { .. });
     let mut best = f64::INFINITY;
     let n = 24u32;
     let grid = |yes: bool| if yes { n } else { 0 };
@@ -408,7 +426,8 @@ fn oracle_depths_of_toruses_and_hollows_are_those_of_brute_force() {
     let mut draw = Draw::new(31);
     let (mut worst, mut seen) = (0.0f64, 0);
     for [a, b] in pairs() {
-        let revolved = |s: &Surface| matches!(s.core, SurfaceCore::Torus { .. } | SurfaceCore::Hollow { .. });
+        let revolved =
+            |s: &Surface| matches!(s.core, SurfaceCore::Torus { .. } | SurfaceCore::Hollow { .. });
         if !revolved(&a) && !revolved(&b) {
             continue;
         }
@@ -479,17 +498,21 @@ fn invariant_forces_are_the_gradient_of_the_energy() {
             let (mut force, mut moment) = (DVec3::ZERO, DVec3::ZERO);
             for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
                 let moved = |s: f64| energy(&scene, Pose::new(x.p + axis * s, x.q));
-                let turned = |s: f64| {
-                    energy(&scene, Pose::new(x.p, DQuat::from_axis_angle(axis, s) * x.q))
-                };
-                for (f, out) in [(&moved as &dyn Fn(f64) -> f64, &mut force), (&turned, &mut moment)] {
+                let turned =
+                    |s: f64| energy(&scene, Pose::new(x.p, DQuat::from_axis_angle(axis, s) * x.q));
+                for (f, out) in
+                    [(&moved as &dyn Fn(f64) -> f64, &mut force), (&turned, &mut moment)]
+                {
                     *out -= axis * ((f(h) - f(-h)) / (2.0 * h));
                 }
             }
             let scale = w.f.length();
             let far = (force - w.f).length() / scale;
             let turn = (moment - w.m).length() / (scale * 0.3);
-            assert!(far < 1e-3 && turn < 1e-3, "{name} at {x:?}: {far:.1e} {turn:.1e}, {w:?} {force} {moment}");
+            assert!(
+                far < 1e-3 && turn < 1e-3,
+                "{name} at {x:?}: {far:.1e} {turn:.1e}, {w:?} {force} {moment}"
+            );
             seen += 1;
         }
         assert!(seen >= 20, "{name}: {seen} poses");
@@ -517,7 +540,7 @@ fn invariant_depths_and_energy_are_continuous() {
                 if let Some((d, e)) = last {
                     assert!((depth - d).abs() <= step + 1e-9, "{name}: depth {d} to {depth}");
                     // A hollow can be touched at several places at once.
-                    let most = 6.0 * 1e5 * 0.06 * step;
+                    let most = 8.0 * 1e5 * 0.06 * step;
                     assert!((stored - e).abs() <= most, "{name}: {e} J to {stored} J");
                 }
                 last = Some((depth, stored));
@@ -558,4 +581,55 @@ fn invariant_elastic_contacts_keep_the_energy() {
         assert!(hit >= 2, "{name}: {hit}");
     }
     println!("worst {:.1e}: {}", worst.0, worst.1);
+}
+
+/// Faces that meet flat: the energy has an edge there, along which the body rocks; the account still closes.
+#[test]
+fn invariant_boxes_that_meet_flat_keep_the_energy() {
+    let mut draw = Draw::new(3);
+    let cube = || surface(SurfaceCore::Box { half: DVec3::splat(0.1) }, 0.02);
+    let mut worst = 0.0f64;
+    for tilt in [0.0, 1e-4, 1e-3, 1e-2] {
+        for _ in 0..5 {
+            let q = DQuat::from_scaled_axis(draw.vector(1.0).normalize() * tilt);
+            let v = DVec3::new(-0.1, draw.within(-0.02, 0.02), 0.0);
+            let p = DVec3::new(0.2405 + 0.2 * tilt, draw.within(-0.05, 0.05), 0.0);
+            let m = mechanism(cube(), cube(), elastic());
+            let mut pair =
+                Pair::new(m, [300.0, 200.0], [p, v, DVec3::ZERO], q * half_turn().conjugate());
+            let start = pair.total_j();
+            for _ in 0..4000 {
+                pair.run(1, 1e-4);
+                worst = worst.max((pair.total_j() / start - 1.0).abs());
+            }
+            assert!(pair.state.peak_depth_m > 1e-4);
+        }
+    }
+    println!("worst {worst:.1e}");
+    assert!(worst < 1e-3, "the account is off by {:.3} %", 100.0 * worst);
+}
+
+/// Along lines from afar through each other the depth changes by no more than the way: no place is missed.
+#[test]
+fn regress_no_place_around_a_torus_is_missed() {
+    let mut draw = Draw::new(8);
+    for h in hollows() {
+        let scene = Scene::new(&mechanism(torus(), h, elastic()));
+        for _ in 0..80 {
+            let (q, dir, aim) = (draw.turn(), draw.vector(1.0).normalize(), draw.vector(0.15));
+            let at = |s: f64| Pose::new(aim + dir * s, q);
+            let depth = |s: f64| scene.depths(at(s), f64::NEG_INFINITY)[RING_AND_PETAL_PAIRS];
+            let mut last = depth(1.0);
+            for i in 1..1000 {
+                let s = 1.0 - 1e-3 * f64::from(i);
+                let now = depth(s);
+                assert!((now - last).abs() < 1.001e-3, "{last} to {now} at {:?}", at(s));
+                last = now;
+                // Cores that meet are beyond every limit.
+                if now > 0.03 {
+                    break;
+                }
+            }
+        }
+    }
 }

@@ -236,7 +236,9 @@ fn metadata(
 /// Names of the pairs of surfaces of a scenario, by index.
 #[must_use]
 pub fn pair_names(scenario: &Scenario) -> Vec<String> {
-    (0..pair_count(&scenario.mechanism)).map(|i| pair_name(&scenario.mechanism, SurfacePair::from_index(i))).collect()
+    (0..pair_count(&scenario.mechanism))
+        .map(|i| pair_name(&scenario.mechanism, SurfacePair::from_index(i)))
+        .collect()
 }
 
 /// Makes rows and events of what was seen, and hands them to a sink.

@@ -221,7 +221,7 @@ const SURFACES: Group = Group {
         "without it only ring and petals touch",
         "Surfaces of this side beside ring and petals, or instead of them: a core with a ball swept over it. \
          Convex surfaces (sphere, capsule, box, cylinder, cone, hull) touch convex ones; a torus touches spheres, \
-         capsules and toruses; a hollow touches spheres and capsules; a ring counts as a torus. Any other pair that can come \
+         capsules and toruses; a hollow touches spheres, capsules and toruses; a ring counts as a torus. Any other pair that can come \
          within reach is refused. At most 48 such pairs, which are 64 with the 16 numbers of rings and petals. A pair stores \
          energy by its two surfaces in series (1/k = 1/k₁ + 1/k₂ for a linear law), and rubs by the geometric mean √(μ₁ μ₂) of \
          both frictions; everything else of its law stands in [contact] of the active side. A ring has \
@@ -335,11 +335,11 @@ const SURFACES: Group = Group {
 
 const fn key_ring_rest() -> Key {
     key(
-            "ring_rest_offset_m",
-            Shape::Number(Range::positive(2.0)),
-            "0.3",
-            "Distance along +X3 from the mounting plane `e3` to the ring's centre circle, the ring at rest.",
-            "Origin of `r3` at rest, and part of the docked length. The joint of the URDF's link `ring` \
+        "ring_rest_offset_m",
+        Shape::Number(Range::positive(2.0)),
+        "0.3",
+        "Distance along +X3 from the mounting plane `e3` to the ring's centre circle, the ring at rest.",
+        "Origin of `r3` at rest, and part of the docked length. The joint of the URDF's link `ring` \
              must stand there.",
     )
 }
@@ -1112,14 +1112,17 @@ pub(super) const PASSIVE: &[Group] = &[
     },
     Group {
         tables: &[table("placement", Required, "Where the ring stands.")],
-        keys: &[REFERENCE_RADIUS, key(
-            "passive_ring_offset_m",
-            Shape::Number(Range::within(0.0, 2.0)),
-            "0.1",
-            "Distance along −X4 from the mounting plane `e4` to the ring's centre circle.",
-            "Origin of `r4`, and part of the docked length. The joint of the URDF's link `ring` must stand \
+        keys: &[
+            REFERENCE_RADIUS,
+            key(
+                "passive_ring_offset_m",
+                Shape::Number(Range::within(0.0, 2.0)),
+                "0.1",
+                "Distance along −X4 from the mounting plane `e4` to the ring's centre circle.",
+                "Origin of `r4`, and part of the docked length. The joint of the URDF's link `ring` must stand \
              there, turned by 180° about Z.",
-        )],
+            ),
+        ],
     },
     RING,
     PETALS,

@@ -21,8 +21,8 @@ mod spacecraft;
 use std::path::Path;
 
 pub use explain::{Explained, UnknownKey, explained, without_indices};
-pub(crate) use mechanism::{NORMAL_LAWS, SURFACE_KINDS, SurfaceKind};
 pub use mechanism::contact_ranges;
+pub(crate) use mechanism::{NORMAL_LAWS, SURFACE_KINDS, SurfaceKind};
 pub use page::markdown;
 
 use crate::toml_check::{Checker, Range};

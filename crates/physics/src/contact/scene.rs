@@ -14,8 +14,8 @@ use super::{
     look::{Frame, Look, MEETING_M},
     memory::{Apart, ContactState, PairMemory},
     pair::{MAX_PETALS, PAIRS, RING_AND_PETAL_PAIRS, SurfacePair},
-    shapes::ShapePair,
     search::{Lift, OnCircle, OnSheet, Start, Stiffness, deepest, follow},
+    shapes::ShapePair,
 };
 
 mod gaps;

@@ -5,7 +5,10 @@ use arrayvec::ArrayVec;
 use docktwin_core::{DVec3, Pose, StateHasher, Twist};
 use docktwin_model::{Latch, MOST_LATCHES};
 
-use super::{Forces, LatchGap, LatchPhase, LatchState, Measured, MechanismState, Midpoint, System, reach, striker_rate};
+use super::{
+    Forces, LatchGap, LatchPhase, LatchState, Measured, MechanismState, Midpoint, System, reach,
+    striker_rate,
+};
 
 /// A striker held in its latch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,7 +148,9 @@ impl System {
         if mechanism.own_latches.is_empty() {
             return;
         }
-        if state.held_since_s.is_none() && mechanism.captured_when.holds(mechanism.own_latches.len(), caught) {
+        if state.held_since_s.is_none()
+            && mechanism.captured_when.holds(mechanism.own_latches.len(), caught)
+        {
             state.held_since_s = Some(middle.time_s);
         }
         if state.held_since_s.is_some() {

@@ -53,8 +53,7 @@ pub(crate) struct HilRecorder<'a, S> {
 impl<'a, S: Sink> HilRecorder<'a, S> {
     pub(crate) fn begin(run: &HilRun<'a>, mut sink: S, timed: bool) -> Result<Self, RunError> {
         let scenario = run.scenario;
-        let (columns, pair_names) =
-            (hil_columns_for(&scenario.mechanism), pair_names(scenario));
+        let (columns, pair_names) = (hil_columns_for(&scenario.mechanism), pair_names(scenario));
         let metadata = run.metadata();
         let (rig, kept) = run.kept()?;
         sink.begin(&Header {

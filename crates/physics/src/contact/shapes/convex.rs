@@ -32,7 +32,9 @@ pub(super) fn spot(first: &SurfaceCore, second: &SurfaceCore, x: &Frame, balls: 
     };
     let between = ends(first).zip(ends(second)).map_or_else(
         || by_parry(first, second, x),
-        |(a, b)| segments([DVec3::X * -a, DVec3::X * a], [x.point(DVec3::X * -b), x.point(DVec3::X * b)]),
+        |(a, b)| {
+            segments([DVec3::X * -a, DVec3::X * a], [x.point(DVec3::X * -b), x.point(DVec3::X * b)])
+        },
     );
     between_points(between, balls)
 }

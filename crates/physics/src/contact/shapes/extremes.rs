@@ -80,7 +80,7 @@ pub(crate) fn extremes(
 }
 
 /// Where a slope that is below zero at one end alone passes zero.
-fn root(mut lo: f64, mut hi: f64, rising: bool, slope: impl Fn(f64) -> f64) -> f64 {
+pub(super) fn root(mut lo: f64, mut hi: f64, rising: bool, slope: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (lo + hi);
         if middle <= lo || middle >= hi {

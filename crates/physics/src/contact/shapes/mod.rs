@@ -4,6 +4,7 @@
 //! one energy: places along a partner's core less the saddles between them, and walls of a hollow less the edges at
 //! which they meet (`contact/cells`). Two convex cores have one place.
 
+mod around;
 mod convex;
 mod extremes;
 mod revolved;
@@ -20,7 +21,7 @@ use super::{
 use revolved::Meridian;
 
 /// Most places of a pair that are told apart, and as many saddles.
-pub(crate) const MOST_SPOTS: usize = 16;
+pub(crate) const MOST_SPOTS: usize = 24;
 
 /// A point where two surfaces are deepest in each other, or a saddle between two of them; in the frame of the first.
 #[derive(Clone, Copy, Debug)]
@@ -54,11 +55,15 @@ impl Spots {
     }
 
     fn saddle(&mut self, between: [usize; 2], spot: Spot) {
-        let _ = self.saddles.try_push((between, spot));
+        if spot.depth > 0.0 {
+            let _ = self.saddles.try_push((between, spot));
+        }
     }
 
     fn corner(&mut self, spot: Spot) {
-        let _ = self.corners.try_push(spot);
+        if spot.depth > 0.0 {
+            let _ = self.corners.try_push(spot);
+        }
     }
 
     fn count(&self) -> usize {
@@ -68,7 +73,8 @@ impl Spots {
     /// The deepest place from one on.
     fn deepest_from(&self, first: usize) -> usize {
         let of = first..self.places.len();
-        of.max_by(|a, b| self.places[*a].1.depth.total_cmp(&self.places[*b].1.depth)).unwrap_or(first)
+        of.max_by(|a, b| self.places[*a].1.depth.total_cmp(&self.places[*b].1.depth))
+            .unwrap_or(first)
     }
 
     fn deepest(&self) -> f64 {
@@ -106,7 +112,14 @@ impl Spots {
             let depth = |place: usize| self.places.get(place).map_or(s.depth, |(_, p)| p.depth);
             let part = first_share(depth(*a), depth(*b), s.depth);
             for (place, part) in [(*a, part), (*b, 1.0 - part)] {
-                let Some(t) = touch_of.get(place).copied().flatten().and_then(|t: usize| out.touches.get_mut(t)) else { continue };
+                let Some(t) = touch_of
+                    .get(place)
+                    .copied()
+                    .flatten()
+                    .and_then(|t: usize| out.touches.get_mut(t))
+                else {
+                    continue;
+                };
                 let before = t.rubbing_n;
                 t.elastic -= s.normal * (force_n * part);
                 t.rubbing_n = (t.rubbing_n - force_n * part).max(0.0);
@@ -138,6 +151,14 @@ struct Shape {
 }
 
 impl Shape {
+    const fn rank(&self) -> u8 {
+        match self.core {
+            SurfaceCore::Hollow { .. } => 2,
+            SurfaceCore::Torus { .. } => 1,
+            _ => 0,
+        }
+    }
+
     fn new(s: &Surface) -> Self {
         let (centre, reach) = s.core.ball_around();
         let meridian = match &s.core {
@@ -162,7 +183,7 @@ pub(crate) struct ShapePair {
     /// The first in the frame of whose core the pair is measured.
     first: Shape,
     second: Shape,
-    /// Whether the first one is the passive side's: a torus or hollow comes first.
+    /// Whether the first one is the passive side's: a hollow comes before a torus, and that before the others.
     pub(crate) turned: bool,
     normal: NormalLaw,
     /// Kinetic and static.
@@ -179,7 +200,7 @@ impl ShapePair {
                 let law: ContactLaw = m.contact.of_pair(p.stiffness_n_m, p.friction);
                 let [a, b] = &p.surfaces;
                 let (a, b) = (Shape::new(a), Shape::new(b));
-                let turned = b.meridian.is_some() && a.meridian.is_none();
+                let turned = b.rank() > a.rank();
                 let (first, second) = if turned { (b, a) } else { (a, b) };
                 Self {
                     first,
@@ -250,7 +271,14 @@ impl ShapePair {
         match (&self.first.meridian, &self.second.core) {
             (Some(m), SurfaceCore::Sphere) => m.against_point(x.p, balls, &mut out),
             (Some(m), SurfaceCore::Capsule { half }) => {
-                m.against_segment([x.point(DVec3::X * -half), x.point(DVec3::X * *half)], balls, &mut out);
+                m.against_segment(
+                    [x.point(DVec3::X * -half), x.point(DVec3::X * *half)],
+                    balls,
+                    &mut out,
+                );
+            }
+            (Some(m), SurfaceCore::Torus { radius }) => {
+                m.against_circle(x, *radius, balls, &mut out)
             }
             // A checked model has no others.
             (Some(_), _) => {}

@@ -5,17 +5,22 @@
 //! are those of the half-plane. Along the straight core of a capsule the squared distance from a circle is convex,
 //! concave and convex again, and that from a wall convex or concave by its side: all extremes are found.
 
+use arrayvec::ArrayVec;
 use docktwin_core::DVec3;
 
 use super::{
     MOST_SPOTS, Spot, Spots,
+    around::{Points, Wave},
     extremes::{Breaks, extremes},
 };
-use crate::contact::geometry::off_axis;
+use crate::contact::{geometry::off_axis, look::Frame};
 
 /// Nearer to the axis than this a distance from it counts as `(ρ²/w + w)/2`, m: a ball in the middle of a cone or ring
 /// is pushed along the axis alone, and its depth is right to half of this.
 const SEAT_M: f64 = 2e-6;
+
+/// Extremes around a torus.
+type Around = ArrayVec<Spot, 48>;
 
 /// One piece of the meridian line.
 #[derive(Clone, Copy, Debug)]
@@ -92,8 +97,7 @@ struct Segment {
 impl Segment {
     fn new([p, q]: [DVec3; 2]) -> Self {
         let d = q - p;
-        let square =
-            [d.y * d.y + d.z * d.z, 2.0 * (p.y * d.y + p.z * d.z), p.y * p.y + p.z * p.z];
+        let square = [d.y * d.y + d.z * d.z, 2.0 * (p.y * d.y + p.z * d.z), p.y * p.y + p.z * p.z];
         Self { p, d, square }
     }
 
@@ -141,6 +145,67 @@ impl Segment {
     }
 }
 
+/// A circle about the axis of another core.
+struct Ring {
+    centre: DVec3,
+    /// Its points at 0 and 90° from the centre.
+    cos: DVec3,
+    sin: DVec3,
+    /// x, ρ² and half the squared distance from the origin.
+    x: Wave,
+    square: Wave,
+    half: Wave,
+}
+
+impl Ring {
+    fn new(x: &Frame, radius: f64) -> Self {
+        let (centre, cos, sin) = (x.p, x.r.y_axis * radius, x.r.z_axis * radius);
+        let along = |f: fn(DVec3) -> f64| Wave::first(f(centre), f(cos), f(sin));
+        let [y, z] = [along(|v| v.y), along(|v| v.z)];
+        let half = Wave::first(
+            0.5 * (centre.length_squared() + radius * radius),
+            centre.dot(cos),
+            centre.dot(sin),
+        );
+        Self { centre, cos, sin, x: along(|v| v.x), square: y.times(y).plus(z.times(z), 1.0), half }
+    }
+
+    fn at(&self, t: f64) -> (DVec3, DVec3) {
+        let (s, c) = t.sin_cos();
+        (self.centre + self.cos * c + self.sin * s, self.sin * c - self.cos * s)
+    }
+
+    /// Adds where `slope + b ρ'` may be zero.
+    fn stationary(&self, slope: Wave, b: f64, points: &mut Points) {
+        let q = self.square.derivative();
+        let p = slope.times(slope).times(self.square);
+        points.add_roots(&p.plus(q.times(q), -0.25 * b * b));
+    }
+
+    fn points(&self, piece: &Piece) -> Points {
+        let mut out = Points::default();
+        let circle = |[x, r]: [f64; 2], out: &mut Points| {
+            self.stationary(self.half.plus(self.x, -x).derivative(), -r, out);
+        };
+        match *piece {
+            Piece::Circle(c) => circle(c, &mut out),
+            Piece::Wall { from, along, length } => {
+                circle(from, &mut out);
+                circle([from[0] + along[0] * length, from[1] + along[1] * length], &mut out);
+                // Along the wall's normal (−along ρ, along x).
+                let across = Wave::default().plus(self.x, -along[1]);
+                self.stationary(across.derivative(), along[0], &mut out);
+                for end in [0.0, length] {
+                    let rest = end + along[0] * from[0] + along[1] * from[1];
+                    let line = Wave::first(rest, 0.0, 0.0).plus(self.x, -along[0]);
+                    out.add_roots(&line.times(line).plus(self.square, -along[1] * along[1]));
+                }
+            }
+        }
+        out
+    }
+}
+
 impl Meridian {
     pub(super) fn new(points: &[[f64; 2]]) -> Self {
         let walls = points.windows(2).map(|w| {
@@ -150,7 +215,10 @@ impl Meridian {
         });
         let cells: Vec<Piece> = walls.collect();
         if cells.is_empty() {
-            return Self { cells: points.iter().map(|p| Piece::Circle(*p)).collect(), edges: Vec::new() };
+            return Self {
+                cells: points.iter().map(|p| Piece::Circle(*p)).collect(),
+                edges: Vec::new(),
+            };
         }
         let edges = points[1..points.len() - 1].iter().map(|p| Piece::Circle(*p)).collect();
         Self { cells, edges }
@@ -162,6 +230,48 @@ impl Meridian {
         }
         for (i, edge) in self.edges.iter().enumerate() {
             out.saddle([i, i + 1], edge.spot(p, balls));
+        }
+    }
+
+    /// The circle of a torus whose frame is `x`. All around it a touch is one place, so the lowest of the saddles is none.
+    pub(super) fn against_circle(&self, x: &Frame, radius: f64, balls: [f64; 2], out: &mut Spots) {
+        let ring = Ring::new(x, radius);
+        let along = |piece: &Piece| {
+            let slope = |t: f64| {
+                let (p, d) = ring.at(t);
+                piece.slope(p, d)
+            };
+            let found = ring.points(piece).extremes(slope);
+            let spots: Around = found.iter().map(|e| piece.spot(ring.at(e.at).0, balls)).collect();
+            // Minima of the distance and the maxima after them in turn.
+            let lowest = (1..spots.len())
+                .step_by(2)
+                .min_by(|a, b| spots[*a].depth.total_cmp(&spots[*b].depth));
+            (spots, lowest)
+        };
+        let mut deepest = [0; MOST_SPOTS];
+        for (i, cell) in self.cells.iter().enumerate().take(MOST_SPOTS) {
+            let first = out.count();
+            let (spots, lowest) = along(cell);
+            for spot in spots.iter().step_by(2) {
+                out.place(i, *spot);
+            }
+            let count = out.count() - first;
+            for at in (1..spots.len()).step_by(2).filter(|at| Some(*at) != lowest) {
+                let place = at / 2;
+                out.saddle([first + place, first + (place + 1) % count.max(1)], spots[at]);
+            }
+            deepest[i] = out.deepest_from(first);
+        }
+        for (i, edge) in self.edges.iter().enumerate() {
+            let (spots, lowest) = along(edge);
+            for (at, spot) in spots.iter().enumerate().filter(|(at, _)| Some(*at) != lowest) {
+                if at % 2 == 0 {
+                    out.saddle([deepest[i], deepest[i + 1]], *spot);
+                } else {
+                    out.corner(*spot);
+                }
+            }
         }
     }
 
