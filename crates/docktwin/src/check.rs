@@ -6,8 +6,9 @@ use std::{
 };
 
 use clap::Subcommand;
+use docktwin_core::{DQuat, DVec3, Pose};
 use docktwin_model::{
-    DockingMechanism,
+    DockingMechanism, RING_AND_PETAL_PAIRS, SurfacePairing,
     keys::{self, FileKind},
 };
 use docktwin_physics::contact::Scene;
@@ -105,6 +106,7 @@ fn model_check(file: &Path, mechanism: Option<&Path>, json: bool) -> ExitCode {
     let mut report = docktwin_model::model_check_with(file, mechanism);
     if let Some(mechanism) = report.mechanism.take() {
         let fit = fit_of_surfaces(&mechanism);
+        report.read.extend(docked_gaps(&mechanism));
         report.read.extend(fit.read);
         report.flagged.extend(fit.flagged);
     }
@@ -138,6 +140,21 @@ fn model_check(file: &Path, mechanism: Option<&Path>, json: bool) -> ExitCode {
         })
     );
     ExitCode::from(code)
+}
+
+/// Gap of every pair of listed surfaces when docked, by the surfaces that touch.
+fn docked_gaps(m: &DockingMechanism) -> Vec<String> {
+    let planes = m.active.ring.section_radius_m + m.passive.ring.section_radius_m;
+    let half_turn = DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0);
+    let docked = Pose::new(DVec3::X * planes, half_turn);
+    let depths = Scene::new(m).depths(docked, f64::NEG_INFINITY);
+    let pairs = m.surface_pairs();
+    let depths = depths[RING_AND_PETAL_PAIRS..].iter();
+    let line = |(pair, depth): (&SurfacePairing, &f64)| {
+        let name = DockingMechanism::surface_pair_name(pair);
+        format!("pair {name}: gap when docked = {:.6} m", -depth)
+    };
+    pairs.iter().zip(depths).map(line).collect()
 }
 
 /// What follows from the surfaces that touch.

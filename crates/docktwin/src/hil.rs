@@ -13,7 +13,7 @@ use docktwin_rigport::rig::Rig;
 use docktwin_run::{
     Control as _, HilOptions, HilRun, RunDirectory, RunError, Sink,
     rig_place::{ClockKind, RigPlace, connect},
-    telemetry::hil_columns,
+    telemetry::hil_columns_for,
 };
 use docktwin_scenario::{ExpectedOutcome, Scenario, load_scenario};
 
@@ -129,7 +129,7 @@ pub(crate) fn run(args: &HilArgs, json: bool) -> Result<ExitCode, Failure> {
 
 fn go(run: HilRun<'_>, scenario: &Scenario, at: &At<'_>, out: &Path) -> Result<Summary, Failure> {
     let (args, json) = (at.args, at.json);
-    let mut live = args.live.start(scenario, &hil_columns())?;
+    let mut live = args.live.start(scenario, &hil_columns_for(&scenario.mechanism))?;
     let viewer = (!args.no_rrd).then(|| ViewerFile::new(out.join("run.rrd")));
     let sink = (RunDirectory::new(out), (viewer, &mut live));
     let summary = match &args.rig {

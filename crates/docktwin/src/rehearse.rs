@@ -9,7 +9,7 @@ use clap::Args;
 use docktwin_playback::ViewerFile;
 use docktwin_record::{Summary, Verdict};
 use docktwin_run::{
-    Rehearsal, RehearsalOptions, RunDirectory, inspection::on_its_rig, signals::columns,
+    Rehearsal, RehearsalOptions, RunDirectory, inspection::on_its_rig, signals::columns_for,
 };
 use docktwin_scenario::{ExpectedOutcome, load_scenario};
 
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &RehearseArgs, json: bool) -> Result<ExitCode, Failure> 
     }
     let options = RehearsalOptions { twin: args.twin.kind(), seed: args.seed };
     let rehearsal = Rehearsal::with(&scenario, options)?;
-    let mut live = args.live.start(&scenario, &columns())?;
+    let mut live = args.live.start(&scenario, &columns_for(&scenario.mechanism))?;
     let out = directory(args.out.as_deref(), "runs", &scenario.name)?;
     // Last: from here on the terminal is the pilot's.
     let pilot = args.pilot.start(&scenario)?;

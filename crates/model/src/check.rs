@@ -171,10 +171,14 @@ pub fn model_check_with(path: &Path, mechanism: Option<&Path>) -> Report {
                 // The clearances of wrong numbers mean nothing.
                 if let Some(mechanism) = joined.filter(|_| out.problems.is_empty()) {
                     lines.push(format!("docked length = {:.6} m", mechanism.docked_length_m()));
-                    lines.push(format!(
-                        "mated clearance of petal to ring = {:.6} m",
-                        fit.petal_to_ring_m
-                    ));
+                    // Without a petal, or a ring for it, there is no such clearance.
+                    if fit.petal_to_ring_m.is_finite() {
+                        lines.push(format!(
+                            "mated clearance of petal to ring = {:.6} m",
+                            fit.petal_to_ring_m
+                        ));
+                    }
+                    lines.extend(mechanism.surface_lines());
                     mechanism_checked = Some(Box::new(mechanism));
                 }
                 return Report { mechanism: mechanism_checked, ..report(out, lines) };

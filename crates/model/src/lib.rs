@@ -34,6 +34,7 @@ pub mod keys;
 mod load_mechanism;
 mod load_rig;
 mod load_spacecraft;
+mod load_surfaces;
 mod mechanism;
 pub mod mesh;
 mod problem;
@@ -43,6 +44,8 @@ mod sag;
 pub mod sources;
 mod spacecraft;
 mod spacecraft_check;
+mod surface;
+mod surface_form;
 mod text;
 pub mod toml_check;
 mod urdf;
@@ -69,6 +72,11 @@ pub use rig::{
 pub use sag::{SAG_REMEDY, Sag, sag_refusal, static_sag};
 pub use sources::Sources;
 pub use spacecraft::{Spacecraft, SpacecraftHull};
+pub use surface::{
+    CapturedWhen, Latch, MOST_LATCHES, MOST_PAIRS, RING_AND_PETAL_PAIRS, Surface, SurfaceCore,
+    SurfacePairing,
+};
+pub use surface_form::SurfaceGrid;
 pub use urdf::named_meshes;
 
 #[cfg(test)]

@@ -6,6 +6,9 @@ use docktwin_core::{DMat3, DQuat, DVec3, Pose};
 use crate::Sources;
 use crate::keys::read::{self, Section};
 use crate::keys::{FileKind, NORMAL_LAWS};
+use crate::load_surfaces::{
+    OwnLatches, check_pairs, place_surfaces, read_own_latches, read_surfaces,
+};
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::urdf::{self, UrdfTree};
 use crate::{
@@ -42,6 +45,8 @@ pub fn load_mechanism_from(
     let active = read_active(active_urdf, true, &mut out);
     let passive = read_passive(passive_urdf, true, &mut out);
     let model = active.zip(passive).and_then(|(a, p)| join(a, p, attenuation, &mut out));
+    let flags = core::mem::take(&mut out.flags);
+    out.notes.extend(flags);
     out.finish(model)
 }
 
@@ -73,7 +78,7 @@ pub fn load_other_active_from(
 pub(crate) struct ActiveSide {
     pub(crate) name: String,
     pub(crate) geometry: SideGeometry,
-    toml: std::path::PathBuf,
+    pub(crate) toml: std::path::PathBuf,
     /// Whether every parameter was read well; otherwise placeholders are among them.
     clean: bool,
     ring_body: RingBody,
@@ -83,6 +88,7 @@ pub(crate) struct ActiveSide {
     characteristic: Option<CharacteristicAttenuator>,
     differential: Option<DifferentialAttenuator>,
     latches: Option<LatchSet>,
+    own_latches: OwnLatches,
     stick: Option<Stick>,
     limits: MechanismLimits,
     outcome: OutcomeRules,
@@ -94,7 +100,7 @@ pub(crate) struct ActiveSide {
 pub(crate) struct PassiveSide {
     pub(crate) name: String,
     pub(crate) geometry: SideGeometry,
-    toml: std::path::PathBuf,
+    pub(crate) toml: std::path::PathBuf,
     /// As for the active side.
     clean: bool,
     ring_offset_m: f64,
@@ -109,13 +115,15 @@ pub(crate) fn read_active(
     let text = text?;
     let checker = FileKind::MechanismActive.checker(&toml, &text);
     let side = read::read(&checker, FileKind::MechanismActive, |t| {
-        let ring_rest_offset_m = t.section("placement", |p| p.number("ring_rest_offset_m"));
-        let geometry = read_geometry(t);
+        let (ring_rest_offset_m, radius) =
+            t.section("placement", |p| (p.number("ring_rest_offset_m"), reference_radius(t, p)));
+        let geometry = read_geometry(t, radius);
         let ring_body = t.section("ring_body", read_ring_body);
         let contact = t.section("contact", read_contact);
         let (default_choice, characteristic, differential) =
             t.section("attenuation", |a| read_attenuation(a, ring_rest_offset_m));
         let latches = t.optional_section("latches", read_latches);
+        let own_latches = read_own_latches(t);
         let stick = t.optional_section("stick", read_stick);
         let limits = t.section("limits", read_limits);
         let outcome = t.section("outcome", |o| OutcomeRules {
@@ -137,6 +145,7 @@ pub(crate) fn read_active(
             characteristic,
             differential,
             latches,
+            own_latches,
             stick,
             limits,
             outcome,
@@ -156,6 +165,7 @@ pub(crate) fn read_active(
         let expect = Placements { urdf_path, toml: &toml, tree: &tree };
         expect.check(ring, "placement.ring_rest_offset_m", "floating", &side.geometry, out);
         expect.check_ring_body(&side.ring_body, out);
+        place_surfaces(&mut side.geometry, &tree, &toml, true, out);
     }
     Some(side)
 }
@@ -169,8 +179,9 @@ pub(crate) fn read_passive(
     let text = text?;
     let checker = FileKind::MechanismPassive.checker(&toml, &text);
     let side = read::read(&checker, FileKind::MechanismPassive, |t| {
-        let ring_offset_m = t.section("placement", |p| p.number("passive_ring_offset_m"));
-        let geometry = read_geometry(t);
+        let (ring_offset_m, radius) =
+            t.section("placement", |p| (p.number("passive_ring_offset_m"), reference_radius(t, p)));
+        let geometry = read_geometry(t, radius);
         PassiveSide {
             name: String::new(),
             geometry,
@@ -191,6 +202,7 @@ pub(crate) fn read_passive(
         let ring = Pose::new(-DVec3::X * side.ring_offset_m, DQuat::from_rotation_z(PI));
         let expect = Placements { urdf_path, toml: &toml, tree: &tree };
         expect.check(ring, "placement.passive_ring_offset_m", "fixed", &side.geometry, out);
+        place_surfaces(&mut side.geometry, &tree, &toml, false, out);
         for link in &tree.with_inertial {
             out.notes.push(crate::Note {
                 file: urdf_path.into(),
@@ -220,22 +232,42 @@ fn open(
 
 // Sections of the TOML -------------------------------------------------------------------------
 
-fn read_geometry(t: Section<'_, '_, '_>) -> SideGeometry {
-    let ring = t.section("ring", |r| {
-        let ring = RingGeometry {
-            mean_radius_m: r.number("mean_radius_m"),
-            section_radius_m: r.number("section_radius_m"),
-            segments: r.count("segments"),
-        };
-        if ring.section_radius_m >= ring.mean_radius_m {
-            r.refuse(
-                "section_radius_m",
-                format!("is not below the mean radius, {} m", ring.mean_radius_m),
-                "make the section thinner than the ring",
-            );
-        }
-        ring
+/// Radius that stands for a ring that is not there; 0 where one is.
+fn reference_radius(file: Section<'_, '_, '_>, placement: Section<'_, '_, '_>) -> f64 {
+    if file.has("ring") { 0.0 } else { placement.number("reference_radius_m") }
+}
+
+fn read_ring(r: Section<'_, '_, '_>) -> RingGeometry {
+    let ring = RingGeometry {
+        mean_radius_m: r.number("mean_radius_m"),
+        section_radius_m: r.number("section_radius_m"),
+        segments: r.count("segments"),
+    };
+    if ring.section_radius_m >= ring.mean_radius_m {
+        r.refuse(
+            "section_radius_m",
+            format!("is not below the mean radius, {} m", ring.mean_radius_m),
+            "make the section thinner than the ring",
+        );
+    }
+    ring
+}
+
+fn read_geometry(t: Section<'_, '_, '_>, reference_radius_m: f64) -> SideGeometry {
+    let ring = t.optional_section("ring", read_ring);
+    let has_ring = ring.is_some();
+    let ring = ring.unwrap_or(RingGeometry {
+        mean_radius_m: reference_radius_m,
+        section_radius_m: 0.0,
+        segments: 8,
     });
+    if !has_ring && t.has("petals") {
+        t.refuse(
+            "petals",
+            "stand on a ring, and this side has none",
+            "add [ring], or take [petals] out",
+        );
+    }
     let petals = t.optional_section("petals", |p| {
         let petals = PetalGeometry {
             count: p.count("count"),
@@ -271,7 +303,7 @@ fn read_geometry(t: Section<'_, '_, '_>) -> SideGeometry {
             );
         }
         let off_ring = (petals.base_radius_m - ring.mean_radius_m).abs();
-        if off_ring > ring.section_radius_m + petals.thickness_m / 2.0 {
+        if has_ring && off_ring > ring.section_radius_m + petals.thickness_m / 2.0 {
             p.refuse(
                 "base_radius_m",
                 format!("the petals float free of the ring of radius {} m", ring.mean_radius_m),
@@ -280,7 +312,15 @@ fn read_geometry(t: Section<'_, '_, '_>) -> SideGeometry {
         }
         petals
     });
-    SideGeometry { ring, petals }
+    let surfaces = read_surfaces(t);
+    if !has_ring && !t.has("surface") {
+        t.refuse(
+            "ring",
+            "is missing, and there is no [[surface]] either: nothing could touch",
+            "add [ring] or a [[surface]]",
+        );
+    }
+    SideGeometry { ring, has_ring, petals, surfaces }
 }
 
 fn read_stick(t: Section<'_, '_, '_>) -> Stick {
@@ -767,7 +807,9 @@ impl Placements<'_> {
             }
         }
         for link in &self.tree.robot.links {
-            if !expected.iter().any(|(name, _)| *name == link.name) {
+            // Surfaces may stand on links of their own.
+            let carries = !geometry.surfaces.is_empty() && self.tree.hangs_on(&link.name, "ring");
+            if !carries && !expected.iter().any(|(name, _)| *name == link.name) {
                 let names: Vec<_> = expected.iter().map(|(n, _)| n.as_str()).collect();
                 self.refuse(
                     self.tree.line("link", &link.name),
@@ -856,16 +898,16 @@ pub struct MatedFit {
 #[must_use]
 pub fn mated_fit(active: &SideGeometry, passive: &SideGeometry) -> MatedFit {
     let planes_m = active.ring.section_radius_m + passive.ring.section_radius_m;
-    let to_ring = |petals: &Option<PetalGeometry>, ring: &RingGeometry| {
-        let Some(p) = petals else { return f64::INFINITY };
+    let to_ring = |petals: &Option<PetalGeometry>, other: &SideGeometry| {
+        let (Some(p), true) = (petals, other.has_ring) else { return f64::INFINITY };
+        let ring = &other.ring;
         // In a meridian plane: from the circle (planes_m, mean radius) to the line of the petal.
         let (ax, ar) = (p.height_m, p.tip_radius_m - p.base_radius_m);
         let (bx, br) = (planes_m, ring.mean_radius_m - p.base_radius_m);
         let s = ((ax * bx + ar * br) / (ax * ax + ar * ar)).clamp(0.0, 1.0);
         (bx - s * ax).hypot(br - s * ar) - p.thickness_m / 2.0 - ring.section_radius_m
     };
-    let petal_to_ring_m =
-        to_ring(&active.petals, &passive.ring).min(to_ring(&passive.petals, &active.ring));
+    let petal_to_ring_m = to_ring(&active.petals, passive).min(to_ring(&passive.petals, active));
     let roll_play_rad = active.petals.zip(passive.petals).map(|(a, p)| {
         let azimuths =
             |g: &PetalGeometry| (0..g.count).map(|i| g.azimuth_rad(i)).collect::<Vec<_>>();
@@ -1070,7 +1112,7 @@ pub(crate) fn join(
     if attenuator.is_none() && active.clean {
         let word = AttenuationChoice::WORDS.iter().find(|(_, c)| *c == choice).map_or("", |w| w.0);
         out.problems.push(Problem {
-            file: active.toml,
+            file: active.toml.clone(),
             key: "attenuation".into(),
             value: word.into(),
             what: "is asked for, but this file does not describe it".into(),
@@ -1078,7 +1120,9 @@ pub(crate) fn join(
             ..Problem::default()
         });
     }
-    Some(DockingMechanism {
+    let clean = active.clean && passive.clean;
+    let files = [active.toml.clone(), passive.toml.clone()];
+    let mechanism = DockingMechanism {
         name: active.name,
         active: active.geometry,
         passive: passive.geometry,
@@ -1088,11 +1132,17 @@ pub(crate) fn join(
         contact: active.contact,
         attenuator: attenuator?,
         latches: active.latches,
+        own_latches: active.own_latches.latches,
+        captured_when: active.own_latches.captured_when,
         stick: active.stick,
         limits: active.limits,
         outcome: active.outcome,
         spread: active.spread,
         offsets: PartOffsets::default(),
         digest: out.digest(),
-    })
+    };
+    if clean {
+        check_pairs(&mechanism, &files, out);
+    }
+    Some(mechanism)
 }

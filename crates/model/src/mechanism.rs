@@ -1,6 +1,8 @@
 use docktwin_core::{DMat3, DVec3, Digest};
 use serde::{Deserialize, Serialize};
 
+use crate::surface::{CapturedWhen, Latch, Surface};
+
 /// Both sides of a docking mechanism and the laws between them.
 ///
 /// Frames: the active side hangs on `e3`, the passive one is fixed to `e4`. Each side has a *ring
@@ -27,8 +29,12 @@ pub struct DockingMechanism {
     pub contact: ContactLaw,
     /// What carries the active ring.
     pub attenuator: Attenuator,
-    /// Capture latches; `None` for test bodies without latches.
+    /// Three capture latches around the rings; `None` without them.
     pub latches: Option<LatchSet>,
+    /// Latches with places and zones of their own, instead of `latches`; empty without them.
+    pub own_latches: Vec<Latch>,
+    /// Which of `own_latches` make a capture.
+    pub captured_when: CapturedWhen,
     /// Spring stick in a frame instead of rings and petals, whose surfaces then do not touch;
     /// `None` for docking mechanisms.
     pub stick: Option<Stick>,
@@ -86,6 +92,12 @@ impl DockingMechanism {
             + self.passive.ring.section_radius_m
             + self.passive_ring_offset_m
     }
+
+    /// Number of latches.
+    #[must_use]
+    pub fn latch_count(&self) -> usize {
+        if self.latches.is_some() { 3 } else { self.own_latches.len() }
+    }
 }
 
 /// One side's guiding surfaces, in its ring frame.
@@ -93,8 +105,12 @@ impl DockingMechanism {
 pub struct SideGeometry {
     /// The ring: a torus about the X axis, its centre circle in the plane x = 0.
     pub ring: RingGeometry,
+    /// Whether the ring is there to be touched. Without it only its radius counts, the section being 0.
+    pub has_ring: bool,
     /// Petals, alike, evenly spread; may be `None` (bare ring).
     pub petals: Option<PetalGeometry>,
+    /// Surfaces beside ring and petals.
+    pub surfaces: Vec<Surface>,
 }
 
 /// A torus.
@@ -190,6 +206,31 @@ pub struct ContactLaw {
     /// Width of the smooth extremes where two rings lie flat on each other, m: depths that differ by more are
     /// not changed by it.
     pub merge_depth_m: f64,
+}
+
+impl ContactLaw {
+    /// k, N/mⁿ.
+    #[must_use]
+    pub const fn stiffness(&self) -> f64 {
+        match self.normal {
+            NormalLaw::HuntCrossley { stiffness, .. }
+            | NormalLaw::KelvinVoigt { stiffness, .. } => stiffness,
+        }
+    }
+
+    /// The same law with another stiffness and friction, sticking friction included.
+    #[must_use]
+    pub const fn of_pair(&self, k: f64, friction: f64) -> Self {
+        let normal = match self.normal {
+            NormalLaw::HuntCrossley { exponent, damping_s_m, .. } => {
+                NormalLaw::HuntCrossley { stiffness: k, exponent, damping_s_m }
+            }
+            NormalLaw::KelvinVoigt { damping_n_s_m, .. } => {
+                NormalLaw::KelvinVoigt { stiffness: k, damping_n_s_m }
+            }
+        };
+        Self { normal, friction_kinetic: friction, friction_static: friction, ..*self }
+    }
 }
 
 /// Normal force of one place, clipped at ≥ 0.

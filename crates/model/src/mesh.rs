@@ -251,7 +251,10 @@ pub fn generate_all(models: &Path) -> Result<BTreeMap<String, String>, MeshError
     let mut out = Findings::default();
     for urdf in list(models, "urdf")? {
         let side = |name: &str, side: &SideGeometry, files: &mut BTreeMap<String, String>| {
-            files.insert(format!("{name}_ring.obj"), ring_mesh(&side.ring).to_obj());
+            // Listed surfaces are drawn from their parameters.
+            if side.has_ring {
+                files.insert(format!("{name}_ring.obj"), ring_mesh(&side.ring).to_obj());
+            }
             if let Some(petals) = &side.petals {
                 files.insert(format!("{name}_petal.obj"), petal_mesh(petals).to_obj());
             }

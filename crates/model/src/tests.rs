@@ -29,7 +29,15 @@ impl Copy {
         let meshes = dir.path().join("meshes");
         std::fs::create_dir_all(&urdf).expect("a folder");
         std::fs::create_dir_all(&meshes).expect("a folder");
-        for name in ["chaser_8t", "apas_active", "apas_passive"] {
+        for name in [
+            "chaser_8t",
+            "apas_active",
+            "apas_passive",
+            "probe_active",
+            "probe_passive",
+            "ring_active",
+            "ring_passive",
+        ] {
             for ext in ["urdf", "toml"] {
                 let file = format!("{name}.{ext}");
                 let mut text = std::fs::read_to_string(models().join(&file)).expect("model");
@@ -40,7 +48,13 @@ impl Copy {
                 std::fs::write(urdf.join(file), text).expect("write");
             }
         }
-        let parts = ["chaser_8t_hull", "apas_active_ring", "apas_active_petal"];
+        let parts = [
+            "chaser_8t_hull",
+            "apas_active_ring",
+            "apas_active_petal",
+            "ring_active_ring",
+            "ring_passive_ring",
+        ];
         for part in parts.iter().chain(&["apas_passive_ring", "apas_passive_petal"]) {
             std::fs::write(meshes.join(format!("{part}.obj")), "").expect("write");
         }
@@ -49,6 +63,13 @@ impl Copy {
 
     fn at(&self, file: &str) -> PathBuf {
         self.0.path().join("models/urdf").join(file)
+    }
+
+    fn problems_of(&self, preset: &str) -> Vec<Problem> {
+        let side = |s: &str| self.at(&format!("{preset}_{s}.urdf"));
+        load_mechanism(&side("active"), &side("passive"), None)
+            .err()
+            .map_or_else(Vec::new, |e| e.problems)
     }
 
     fn problems(&self) -> Vec<Problem> {
@@ -1072,4 +1093,143 @@ fn oracle_distance_of_legs() {
             assert!((got - want).abs() < 1e-12, "{p:?} {q:?}: {got} against {want}");
         }
     }
+}
+
+/// What a copy of the probe with these edits is refused for, against what must be said.
+fn probe_says(edits: &[(&str, &str, &str)], wanted: &[&str]) {
+    let problems = Copy::new(edits).problems_of("probe");
+    let text: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    for w in wanted {
+        assert!(text.iter().any(|t| t.contains(w)), "no {w:?} among\n{}", text.join("\n"));
+    }
+    let told = |p: &Problem| !p.remedy.is_empty() && !p.what.is_empty();
+    assert!(problems.iter().all(told), "{}", text.join("\n"));
+}
+
+const PROBE: &str = "probe_active.toml";
+const DROGUE: &str = "probe_passive.toml";
+
+fn a_number(x: &str) -> String {
+    format!("{{ value = {x}, assumed = \"a test\" }}")
+}
+
+/// A probe whose TOML has everything wrong at once that can be wrong with surfaces and latches.
+#[test]
+fn regress_a_hostile_file_of_surfaces_is_refused_all_at_once() {
+    let hull = format!(
+        "[[surface]]\nname = \"hull\"\nkind = \"hull\"\nlink = \"ring\"\nposition_m = {}\nrpy_deg = {}\nrounding_m = {}\npoints_m = {}\n\
+         stiffness_n_m = {}\nfriction = {}\nlength_m = {}\n[ring_body]",
+        a_number("[0.0, 0.0, 0.0]"),
+        a_number("[0.0, 0.0, 0.0]"),
+        a_number("-0.1"),
+        a_number(&format!("[{}]", vec!["[0.0, 0.0, 0.1]"; 65].join(", "))),
+        a_number("1e6"),
+        a_number("5.0"),
+        a_number("1.0"),
+    );
+    // What one file says of itself comes at once, whatever the other one says.
+    probe_says(
+        &[
+            (PROBE, "name = \"stem\"", "name = \"probe_head\""),
+            (PROBE, "kind = \"capsule\"", "kind = \"cigar\""),
+            (PROBE, "captured_when = \"all\"", "captured_when = \"hook\""),
+            (PROBE, "[ring_body]", &hull),
+            (PROBE, "strike_gap_m = { value = 0.008", "strike_gap_m = { value = 0.001"),
+            (PROBE, "approach_gap_m = { value = 0.05", "approach_gap_m = { value = 0.0009"),
+            (PROBE, "angle_zone_deg = { value = 15.0", "angle_zone_deg = { value = 200.0"),
+            (
+                DROGUE,
+                "  [0.08, 0.06],",
+                "  [0.0, 0.06],\n  [0.08, -0.06],\n  [0.1, 0.1],\n  [0.2, 0.2],",
+            ),
+            (DROGUE, "reference_radius_m", "referenz_radius_m"),
+        ],
+        &[
+            "is the name of another surface",
+            "sphere | capsule | torus",
+            "names a latch that is not there; there are socket",
+            "has 65 points, and a hull at most 64",
+            "rounding_m = -0.1",
+            "friction = 5",
+            "surface.2.length_m",
+            "a latch is struck before it catches",
+            "a latch approaches before it is struck",
+            "angle_zone_deg = 200",
+            "has the same point twice in turn",
+            "has a radius below 0",
+            "has 7 points, and a hollow at most 6",
+            "reference_radius_m",
+        ],
+    );
+}
+
+/// What only both sides of a probe and drogue together tell.
+#[test]
+fn regress_pairs_of_surfaces_are_refused_by_name() {
+    let drogue = "kind = \"hollow\"\nlink = \"drogue\"";
+    probe_says(
+        &[
+            (
+                PROBE,
+                "kind = \"sphere\"\nlink = \"head\"",
+                "kind = \"box\"\nlink = \"head\"\nsize_m = { value = [0.01, 0.01, 0.01], assumed = \"a test\" }",
+            ),
+            (PROBE, "depth_m = { value = 0.02", "depth_m = { value = 0.035"),
+        ],
+        &[
+            "box `probe_head` · hollow `drogue`",
+            "have no law of contact",
+            "where their cores would meet",
+        ],
+    );
+    probe_says(
+        &[(DROGUE, drogue, "kind = \"hollow\"\nlink = \"nowhere\"")],
+        &["is no link of the URDF"],
+    );
+    probe_says(&[(PROBE, "link = \"head\"", "link = \"mount\"")], &["does not move with the ring"]);
+    let many = |table: &str, times: usize| {
+        let one = |i: usize| table.replace("$", &i.to_string());
+        (0..times).map(one).collect::<String>()
+    };
+    let ball = format!(
+        "[[surface]]\nname = \"ball_$\"\nkind = \"sphere\"\nlink = \"ring\"\nposition_m = {}\nrpy_deg = {}\nrounding_m = {}\n\
+         stiffness_n_m = {}\nfriction = {}\n",
+        a_number("[0.0, 0.0, 0.0]"),
+        a_number("[0.0, 0.0, 0.0]"),
+        a_number("0.1"),
+        a_number("1e6"),
+        a_number("0.1"),
+    );
+    probe_says(
+        &[(PROBE, "[ring_body]", &(many(&ball, 47) + "[ring_body]"))],
+        &["makes 49 pairs with the other side, and there is room for 48"],
+    );
+    let text = std::fs::read_to_string(models().join(PROBE)).expect("a model");
+    let from = text.find("[[latch]]").expect("a latch");
+    let latch = &text[from..from + text[from..].find("\n\n").expect("an end")];
+    let latches = many(&format!("{}\n", latch.replace("\"socket\"", "\"socket_$\"")), 13);
+    probe_says(&[(PROBE, latch, &latches)], &["has 13 latches, and a mechanism at most 12"]);
+    // A ring's depth has its own bound.
+    let deep =
+        Copy::new(&[("ring_active.toml", "depth_m = { value = 0.04", "depth_m = { value = 0.05")]);
+    let text: Vec<String> = deep.problems_of("ring").iter().map(ToString::to_string).collect();
+    assert!(text.iter().any(|t| t.contains("beyond which the normals of rings")), "{text:?}");
+}
+
+/// The probe as it is shipped: where its surfaces stand, and what its pair is made of.
+#[test]
+fn oracle_surfaces_stand_where_their_links_do() {
+    let m = mechanism("probe", None);
+    assert!(!m.active.has_ring && !m.passive.has_ring && (m.docked_length_m() - 0.3).abs() < 1e-12);
+    let head = &m.active.surfaces[0];
+    assert!(
+        (head.x_ring.p - DVec3::X * 0.345).length() < 1e-12 && (head.top_m() - 0.39).abs() < 1e-12
+    );
+    let drogue = &m.passive.surfaces[0];
+    assert!((drogue.x_ring.p + DVec3::X * 0.4).length() < 1e-12);
+    assert!((drogue.top_m() - 0.01).abs() < 1e-12, "{}", drogue.top_m());
+    let pairs = m.surface_pairs();
+    assert_eq!(pairs.len(), 2);
+    // 1/k = 1/k₁ + 1/k₂, and √(μ₁ μ₂).
+    assert!((pairs[0].stiffness_n_m - 1e6).abs() < 1e-6 && (pairs[0].friction - 0.1).abs() < 1e-12);
 }

@@ -41,6 +41,25 @@ impl UrdfTree {
     pub(crate) fn line(&self, tag: &str, name: &str) -> Option<usize> {
         self.lines.get(&format!("{tag} {name}")).copied()
     }
+
+    /// Whether a link is fixed, directly or by others, to another one.
+    pub(crate) fn hangs_on(&self, link: &str, other: &str) -> bool {
+        let mut at = link;
+        // A tree has no longer way than it has links.
+        for _ in 0..self.links.len() {
+            let Some(joint) = self.robot.joints.iter().find(|j| j.child.link == at) else {
+                return false;
+            };
+            if joint.joint_type != JointType::Fixed {
+                return false;
+            }
+            if joint.parent.link == other {
+                return true;
+            }
+            at = &joint.parent.link;
+        }
+        false
+    }
 }
 
 /// How an element or an attribute is treated.

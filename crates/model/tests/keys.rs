@@ -25,6 +25,14 @@ struct Apas(tempfile::TempDir);
 
 impl Apas {
     fn with(edits: &[(&str, &str)]) -> Self {
+        Self::side_with("apas_active.toml", edits)
+    }
+
+    fn with_passive(edits: &[(&str, &str)]) -> Self {
+        Self::side_with("apas_passive.toml", edits)
+    }
+
+    fn side_with(file: &str, edits: &[(&str, &str)]) -> Self {
         let dir = tempfile::tempdir().expect("a folder");
         let (urdf, meshes) = (dir.path().join("models/urdf"), dir.path().join("meshes"));
         fs::create_dir_all(&urdf).expect("a folder");
@@ -32,7 +40,7 @@ impl Apas {
         for side in ["active", "passive"] {
             for name in [format!("apas_{side}.urdf"), format!("apas_{side}.toml")] {
                 let mut text = fs::read_to_string(models().join(&name)).expect("a model");
-                for (from, to) in edits.iter().filter(|_| name == "apas_active.toml") {
+                for (from, to) in edits.iter().filter(|_| name == file) {
                     assert!(text.contains(from), "no {from:?}: mend the case");
                     text = text.replacen(from, to, 1);
                 }
@@ -83,6 +91,33 @@ fn brakes() -> Vec<(String, String)> {
     channels.map(brake).into_iter().chain([with_play]).collect()
 }
 
+/// Listed surfaces of the kinds that no shipped file has, out of reach, and `[[latch]]` with them.
+fn kinds() -> String {
+    let list = |x: &str| format!("{{ value = {x}, assumed = \"a test\" }}");
+    let sizes = [
+        ("torus", format!("core_radius_m = {}", list("0.2"))),
+        ("cylinder", format!("core_radius_m = {}\nlength_m = {}", list("0.2"), list("0.2"))),
+        ("box", format!("size_m = {}", list("[0.1, 0.1, 0.1]"))),
+        (
+            "hull",
+            format!("points_m = {}", list("[[0.0, 0.0, 0.1], [0.0, 0.1, 0.0], [0.1, 0.0, 0.0]]")),
+        ),
+        ("hollow", format!("profile_m = {}", list("[[0.0, 0.1], [0.2, 0.3]]"))),
+    ];
+    let table = |(kind, sizes): &(&str, String)| {
+        format!(
+            "[[surface]]\nname = \"{kind}\"\nkind = \"{kind}\"\nlink = \"ring\"\nposition_m = {}\nrpy_deg = {}\nrounding_m = {}\n\
+             {sizes}\nstiffness_n_m = {}\nfriction = {}\n",
+            list("[0.0, 9.0, 0.0]"),
+            list("[0.0, 90.0, 0.0]"),
+            list("0.05"),
+            list("1e6"),
+            list("0.1"),
+        )
+    };
+    sizes.iter().map(table).collect()
+}
+
 #[test]
 fn invariant_every_key_is_read_and_none_beside() {
     let mut read = BTreeSet::new();
@@ -112,6 +147,13 @@ fn invariant_every_key_is_read_and_none_beside() {
     let edits: Vec<(&str, &str)> = brakes.iter().map(|(f, t)| (f.as_str(), t.as_str())).collect();
     let braked = Apas::with(&edits);
     take(&braked.check(), "brakes");
+
+    let kinds = format!("{}[ring_body]", kinds());
+    take(&Apas::with(&[("[ring_body]", &kinds)]).check(), "kinds of surfaces");
+    take(
+        &Apas::with_passive(&[("[petals]", &kinds.replace("[ring_body]", "[petals]"))]).check(),
+        "on the passive side",
+    );
 
     let dotted = |table: &str, k: &Key| {
         if table.is_empty() { k.name.to_owned() } else { format!("{table}.{}", k.name) }

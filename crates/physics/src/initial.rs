@@ -241,12 +241,15 @@ fn contact_plane(system: &System, q_34: DQuat, lateral: DVec3) -> (f64, bool) {
         return (rings - stick.play_m(), true);
     }
     let height = |s: &docktwin_model::SideGeometry| {
-        s.petals.map_or(s.ring.section_radius_m, |p| p.height_m + 0.5 * p.thickness_m)
+        let guides = s.petals.map_or(s.ring.section_radius_m, |p| p.height_m + 0.5 * p.thickness_m);
+        guides.max(s.surfaces_top_m().unwrap_or(0.0))
     };
     let reach = |s: &docktwin_model::SideGeometry| {
-        s.petals.map_or(s.ring.mean_radius_m, |p| {
-            p.tip_radius_m.max(p.base_radius_m).max(s.ring.mean_radius_m)
-        })
+        s.petals
+            .map_or(s.ring.mean_radius_m, |p| {
+                p.tip_radius_m.max(p.base_radius_m).max(s.ring.mean_radius_m)
+            })
+            .max(s.surfaces_reach_m())
     };
     let (ha, hp) = (height(&m.active), height(&m.passive));
     // Tilt lifts the rim by at most the radius times its sine.

@@ -1,7 +1,8 @@
 //! The whole mechanism between the two spacecraft: contact, attenuation, latches, joined rings.
 
+use arrayvec::ArrayVec;
 use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench};
-use docktwin_model::{Attenuator, DockingMechanism, LatchAxes, LatchSet, Spacecraft};
+use docktwin_model::{Attenuator, DockingMechanism, LatchAxes, LatchSet, MOST_LATCHES, Spacecraft};
 
 use crate::{
     attenuator::{self, AttenuatorForce, AttenuatorGeometry, AttenuatorState, Deflection},
@@ -10,6 +11,10 @@ use crate::{
     limits::Loads,
     stick::StickContact,
 };
+
+mod own_latches;
+
+use own_latches::Held;
 
 /// Index of a body in every `[_; 3]` here.
 pub const CHASER: usize = 0;
@@ -110,8 +115,14 @@ impl EnergyLosses {
 pub struct MechanismState {
     contact: ContactState,
     attenuator: AttenuatorState,
-    /// The three latches.
+    /// The first three latches.
     pub latches: [LatchState; 3],
+    /// The others, of a mechanism with more.
+    pub further_latches: [LatchState; MOST_LATCHES - 3],
+    /// Own latches that hold their strikers, from capture on.
+    held: [Option<Held>; MOST_LATCHES],
+    /// When enough of the own latches had caught, s.
+    held_since_s: Option<f64>,
     joint: Option<Joint>,
     /// Time of capture as the sensors of a mechanism on the rig report it.
     told_s: Option<f64>,
@@ -123,19 +134,33 @@ impl MechanismState {
     /// Time of capture, s.
     #[must_use]
     pub fn captured_s(&self) -> Option<f64> {
-        self.joint.map(|j| j.since_s).or(self.told_s)
+        self.joint.map(|j| j.since_s).or(self.held_since_s).or(self.told_s)
+    }
+
+    /// Every latch there is room for, in the order of the file.
+    pub fn all_latches(&self) -> impl Iterator<Item = &LatchState> {
+        self.latches.iter().chain(&self.further_latches)
+    }
+
+    fn latch_mut(&mut self, i: usize) -> &mut LatchState {
+        if i < 3 { &mut self.latches[i] } else { &mut self.further_latches[i - 3] }
     }
 
     /// State as the sensors of a mechanism on the rig report it: its latches, and when its rings
     /// were joined. For recording, not for stepping: the forces of the joint are the rig's.
     #[must_use]
-    pub fn told(latches: [LatchState; 3], captured_s: Option<f64>) -> Self {
-        Self { latches, told_s: captured_s, ..Self::default() }
+    pub fn told(all: [LatchState; MOST_LATCHES], captured_s: Option<f64>) -> Self {
+        let latches = core::array::from_fn(|i| all[i]);
+        let further_latches = core::array::from_fn(|i| all[i + 3]);
+        Self { latches, further_latches, told_s: captured_s, ..Self::default() }
     }
 
     /// Opens the latches and parts the rings.
     pub fn open(&mut self) {
         self.latches = Default::default();
+        self.further_latches = Default::default();
+        self.held = Default::default();
+        self.held_since_s = None;
         self.joint = None;
     }
 
@@ -163,6 +188,14 @@ impl MechanismState {
                 j.anchor.iter().chain(&j.preload).for_each(|v| h.vec3(*v));
             }
         }
+        for l in self.further_latches.iter().filter(|l| **l != LatchState::default()) {
+            h.u64(l.phase as u64);
+            l.times_s.iter().for_each(|t| h.f64(t.unwrap_or(-1.0)));
+        }
+        if let Some(since_s) = self.held_since_s {
+            h.f64(since_s);
+            self.held.iter().flatten().for_each(|held| held.hash_into(h));
+        }
         let e = &self.losses;
         [e.contact, e.friction, e.attenuator, e.joint, e.capture].iter().for_each(|x| h.f64(*x));
     }
@@ -177,6 +210,8 @@ pub struct LatchGap {
     pub radial_m: f64,
     /// Tangentially, m.
     pub tangential_m: f64,
+    /// Angle between X of `r3` and X of `e4`, rad; of own latches.
+    pub angle_rad: f64,
     /// Striker in `r3`, m.
     striker_r: DVec3,
     /// Where a caught latch pulls, in `r3`, m: at the striker where axes are those of the active ring, at the
@@ -193,8 +228,8 @@ pub struct Measured {
     contacts: Contacts,
     stick: Option<StickContact>,
     attenuator: AttenuatorGeometry,
-    /// The latches' gaps.
-    pub latches: [LatchGap; 3],
+    /// The gaps of all latches; own latches have their distance across X as the radial one.
+    pub latches: [LatchGap; MOST_LATCHES],
 }
 
 impl Measured {
@@ -391,8 +426,7 @@ impl System {
         let poses = self.poses(bodies);
         let x_rp = poses.x_wr.inverse() * poses.x_wp;
         let stick = self.stick(&poses);
-        let latches =
-            self.mechanism.latches.as_ref().map(|l| self.latch_gaps(l, x_rp)).unwrap_or_default();
+        let latches = self.all_latch_gaps(x_rp);
         let mut out = Measured {
             contacts: Contacts::new(self.scene.law(), poses.x_wr, x_rp),
             stick,
@@ -406,6 +440,17 @@ impl System {
         // With a joint that carries the rings, or a stick that carries everything, nothing else does.
         if state.joint.is_none() && out.stick.is_none() {
             self.scene.measure_into(&state.contact, &mut out.contacts);
+        }
+        out
+    }
+
+    fn all_latch_gaps(&self, x_rp: Pose) -> [LatchGap; MOST_LATCHES] {
+        let mut out = [LatchGap::default(); MOST_LATCHES];
+        if let Some(l) = &self.mechanism.latches {
+            out[..3].copy_from_slice(&self.latch_gaps(l, x_rp));
+        }
+        for (gap, latch) in out.iter_mut().zip(&self.mechanism.own_latches) {
+            *gap = own_latches::gap(latch, x_rp);
         }
         out
     }
@@ -445,6 +490,7 @@ impl System {
                 axial_m: g.x,
                 radial_m: g.dot(radial),
                 tangential_m: g.dot(tangential),
+                angle_rad: 0.0,
                 striker_r,
                 pull_at_r,
                 axis_r,
@@ -490,6 +536,7 @@ impl System {
                         }
                     }
                 }
+                self.own_latch_forces(m, state, [r, t], &mut out);
             }
         }
         if !self.rigid {
@@ -516,7 +563,8 @@ impl System {
             Attenuator::Characteristic(a) => a.damping_ramp_s,
             Attenuator::Differential(a) => a.damping_ramp_s,
         };
-        state.joint.map_or(0.0, |j| ((time_s - j.since_s) / ramp.max(1e-9)).clamp(0.0, 1.0))
+        let since_s = state.joint.map(|j| j.since_s).or(state.held_since_s);
+        since_s.map_or(0.0, |since_s| ((time_s - since_s) / ramp.max(1e-9)).clamp(0.0, 1.0))
     }
 
     fn joint(&self, j: &Joint, m: &Measured, r: Twist, t: Twist, out: &mut Forces) {
@@ -540,12 +588,14 @@ impl System {
         state: &MechanismState,
         com: &[DVec3; 3],
         twist: &[Twist; 3],
-    ) -> [DVec3; 3] {
-        let Some(l) = &self.mechanism.latches else { return [DVec3::ZERO; 3] };
+    ) -> ArrayVec<DVec3, MOST_LATCHES> {
         let about = m.poses.x_wr.p;
         let at =
             |i: usize| Twist { v: twist[i].v + twist[i].w.cross(about - com[i]), w: twist[i].w };
-        core::array::from_fn(|i| match &state.joint {
+        let Some(l) = &self.mechanism.latches else {
+            return self.own_latch_forces_r(m, state, at(RING), at(TARGET));
+        };
+        let of = |i: usize| match &state.joint {
             Some(j) => {
                 let rate = striker_rate(m, m.latches[i].striker_r, at(RING), at(TARGET));
                 m.poses.x_wr.q.conjugate() * joined_force(l, j, m, i, rate)
@@ -554,7 +604,8 @@ impl System {
                 m.latches[i].axis_r * hold_n(l, &m.latches[i])
             }
             None => DVec3::ZERO,
-        })
+        };
+        (0..3).map(of).collect()
     }
 
     /// Stored energy at the measured positions, J.
@@ -570,7 +621,9 @@ impl System {
 
     fn interface_energy(&self, m: &Measured, state: &MechanismState) -> f64 {
         let touching = m.contacts.stored_j() + m.stick.map_or(0.0, |s| s.stored_j);
-        let Some(l) = &self.mechanism.latches else { return touching };
+        let Some(l) = &self.mechanism.latches else {
+            return touching + self.own_latch_energy(m, state);
+        };
         if let Some(j) = &state.joint {
             let k = l.joined_stiffness_n_m / 3.0;
             return (0..3)
@@ -659,7 +712,10 @@ impl System {
             w: kick.mid[i].w,
         };
         m.contacts.commit(&mut state.contact, about, at(RING), at(TARGET), h);
-        let Some(l) = &self.mechanism.latches else { return };
+        let Some(l) = &self.mechanism.latches else {
+            self.advance_own_latches(state, m, [at(RING), at(TARGET)], middle);
+            return;
+        };
         for (gap, latch) in m.latches.iter().zip(&mut state.latches) {
             advance_latch(l, gap, latch, time_s);
         }
@@ -692,7 +748,19 @@ pub fn pair_name(mechanism: &DockingMechanism, pair: usize) -> String {
     if mechanism.stick.is_some() && pair == 0 {
         return "stick · frame".to_owned();
     }
-    SurfacePair::from_index(pair).to_string()
+    match SurfacePair::from_index(pair) {
+        SurfacePair::Listed(i) => {
+            let pairs = mechanism.surface_pairs();
+            pairs.get(i).map_or_else(String::new, DockingMechanism::surface_pair_name)
+        }
+        pair => pair.to_string(),
+    }
+}
+
+/// How many pairs of surfaces a mechanism has numbers for.
+#[must_use]
+pub fn pair_count(mechanism: &DockingMechanism) -> usize {
+    crate::contact::RING_AND_PETAL_PAIRS + mechanism.surface_pairs().len()
 }
 
 fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f64) {
@@ -713,6 +781,11 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
     } else {
         LatchPhase::Free
     };
+    reach(latch, reached, time_s);
+}
+
+/// A latch comes as far as `reached`.
+fn reach(latch: &mut LatchState, reached: LatchPhase, time_s: f64) {
     for (i, phase) in
         [LatchPhase::Approach, LatchPhase::Struck, LatchPhase::Latched].into_iter().enumerate()
     {
@@ -757,7 +830,7 @@ fn striker_rate(m: &Measured, striker_r: DVec3, r: Twist, t: Twist) -> DVec3 {
 fn join(m: &Measured, l: &LatchSet, on_target: Wrench, r: Twist, t: Twist, time_s: f64) -> Joint {
     let back = m.poses.x_wr.q.conjugate();
     let w = on_target.rotated(back);
-    let anchor = m.latches.map(|g| g.striker_r);
+    let anchor: [DVec3; 3] = core::array::from_fn(|i| m.latches[i].striker_r);
     let centre = (anchor[0] + anchor[1] + anchor[2]) / 3.0;
     let about_centre = w.shifted(centre);
     let arms = anchor.map(|a| a - centre);

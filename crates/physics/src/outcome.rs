@@ -69,6 +69,10 @@ pub struct Monitor {
     offset_at_closest_m: f64,
     captured_s: Option<f64>,
     latched: usize,
+    /// How many there are.
+    latches: usize,
+    /// Whether they are latches with places of their own.
+    own: bool,
 }
 
 /// The judgement.
@@ -95,12 +99,19 @@ impl Monitor {
         self.limit.as_ref()
     }
 
+    /// Number of latches as it is told: three of a mechanism without any.
+    const fn counted(&self) -> usize {
+        if self.own { self.latches } else { 3 }
+    }
+
     /// Called every tick.
     pub fn observe(&mut self, m: &DockingMechanism, state: &MechanismState, o: &Observation) {
         let rules = &m.outcome;
         let offset = DVec3::new(0.0, o.x_ring.p.y, o.x_ring.p.z).length();
         let height = |s: &docktwin_model::SideGeometry| {
-            s.petals.map_or(0.0, |p| p.height_m + 0.5 * p.thickness_m) + s.ring.section_radius_m
+            let guides = s.petals.map_or(0.0, |p| p.height_m + 0.5 * p.thickness_m)
+                + s.ring.section_radius_m;
+            guides.max(s.surfaces_top_m().unwrap_or(0.0))
         };
         let petals = height(&m.active).max(height(&m.passive));
         if o.touching {
@@ -120,7 +131,9 @@ impl Monitor {
             self.touched_guided |= o.touching;
         }
         self.limit = self.limit.or(o.limit);
-        self.latched = state.latches.iter().filter(|l| l.phase == LatchPhase::Latched).count();
+        self.latches = m.latch_count();
+        self.latched = state.all_latches().filter(|l| l.phase == LatchPhase::Latched).count();
+        self.own = !m.own_latches.is_empty();
         self.captured_s = state.captured_s();
 
         let slow = o.relative.v.length() < rules.settled_speed_m_s
@@ -171,21 +184,32 @@ impl Monitor {
             return of(
                 Outcome::Captured,
                 t,
-                format!("all three latches caught at {t:.3} s; {how}"),
+                if self.own {
+                    format!(
+                        "{} of {} latches caught at {t:.3} s; {how}",
+                        self.latched, self.latches
+                    )
+                } else {
+                    format!("all three latches caught at {t:.3} s; {how}")
+                },
             );
         }
         if let Some(t) = self.jammed_s {
             return of(
                 Outcome::Jammed,
                 t,
-                format!("{} of 3 latches caught, and no further", self.latched),
+                format!("{} of {} latches caught, and no further", self.latched, self.counted()),
             );
         }
         if self.separated_s.is_none() && self.jam_since_s.is_some() {
             return of(
                 Outcome::Jammed,
                 now_s,
-                format!("{} of 3 latches caught when the scenario ended", self.latched),
+                format!(
+                    "{} of {} latches caught when the scenario ended",
+                    self.latched,
+                    self.counted()
+                ),
             );
         }
         if !self.guided || (self.first_contact_s.is_some() && !self.touched_guided) {

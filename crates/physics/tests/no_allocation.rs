@@ -147,3 +147,48 @@ fn invariant_a_tick_of_the_rig_never_allocates() {
     });
     assert_eq!(n, 0, "requests for memory in 500 ticks");
 }
+
+/// Listed surfaces by closed form, by parry and around a torus.
+#[test]
+fn invariant_listed_surfaces_never_allocate() {
+    use docktwin_core::Pose;
+    use docktwin_model::{Surface, SurfaceCore};
+    use docktwin_physics::contact::{ContactState, Scene};
+    let surface = |name: &str, core: SurfaceCore| Surface {
+        name: name.into(),
+        link: "ring".into(),
+        x_link: Pose::IDENTITY,
+        x_ring: Pose::IDENTITY,
+        core,
+        rounding_m: 0.05,
+        stiffness_n_m: 1e6,
+        friction: 0.1,
+    };
+    let mut m = bare_rings();
+    (m.active.has_ring, m.passive.has_ring) = (false, false);
+    m.active.surfaces = vec![
+        surface("cylinder", SurfaceCore::Cylinder { radius: 0.1, half: 0.1 }),
+        surface("torus", SurfaceCore::Torus { radius: 0.2 }),
+    ];
+    m.passive.surfaces = vec![
+        surface("capsule", SurfaceCore::Capsule { half: 0.1 }),
+        surface("box", SurfaceCore::Box { half: DVec3::splat(0.1) }),
+        surface(
+            "hollow",
+            SurfaceCore::Hollow { profile: vec![[0.0, 0.0], [0.0, 0.1], [0.2, 0.3]] },
+        ),
+    ];
+    // A box against a torus has no law.
+    assert_eq!(m.surface_pairs().len(), 4);
+    let scene = Scene::new(&m);
+    let state = ContactState::default();
+    let mut touched = 0;
+    let n = requests(|| {
+        for i in 0..500 {
+            let x = pose(0.05 + 1e-3 * f64::from(i % 300), 0.12, 0.02, [3.0, 5.0, f64::from(i)]);
+            touched += u32::from(scene.measure(&state, Pose::IDENTITY, x).touching());
+        }
+    });
+    assert!(touched > 50, "{touched}");
+    assert_eq!(n, 0);
+}

@@ -4,10 +4,7 @@
 use std::collections::BTreeSet;
 
 use docktwin_core::{DQuat, DVec3, Pose, SimTime, Tick, Wrench};
-use docktwin_physics::{
-    contact::PAIRS,
-    mechanism::{System, pair_name},
-};
+use docktwin_physics::mechanism::{System, pair_count, pair_name};
 use docktwin_record::{Cell, Column, ContactRow, RunReader, TickRecord};
 use docktwin_scenario::Scenario;
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
@@ -24,10 +21,11 @@ const SETTLING_NS: u64 = 300_000_000;
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 
 /// Names of the pairs that frames speak of: pairs of surfaces in the order of
-/// [`docktwin_physics::contact::SurfacePair::from_index`], then the three latches.
+/// [`docktwin_physics::contact::SurfacePair::from_index`], then the first three latches.
 #[must_use]
 pub fn pair_names(scenario: &Scenario) -> Vec<String> {
-    let surfaces = (0..PAIRS).map(|i| pair_name(&scenario.mechanism, i));
+    let m = &scenario.mechanism;
+    let surfaces = (0..pair_count(m)).map(|i| pair_name(m, i));
     surfaces.chain((1..=3).map(|i| format!("latch {i}"))).collect()
 }
 
@@ -113,6 +111,8 @@ pub struct Playback {
     from_port: [Pose; 2],
     /// In `r4`, m.
     strikers: Option<[DVec3; 3]>,
+    /// Pairs of surfaces, after which the latches are counted.
+    pairs: usize,
     cells: Cells,
     arrows: Vec<ContactArrow>,
     pace: Pace,
@@ -150,6 +150,10 @@ impl Playback {
     /// [`PlaybackError::Columns`] with every column that is missing.
     pub fn new(scenario: &Scenario, columns: &[Column]) -> Result<Self, PlaybackError> {
         let m = &scenario.mechanism;
+        let own = || {
+            let first = |i: usize| m.own_latches.get(i).map_or(DVec3::ZERO, |l| l.striker_p);
+            (!m.own_latches.is_empty()).then(|| core::array::from_fn(first))
+        };
         let strikers = m.latches.as_ref().map(|l| {
             l.azimuths_rad.map(|a| {
                 let ring = &m.passive.ring;
@@ -158,10 +162,12 @@ impl Playback {
                 DVec3::new(ring.section_radius_m, -radius * a.cos(), radius * a.sin())
             })
         });
+        let strikers = strikers.or_else(own);
         Ok(Self {
             system: System::new(&scenario.chaser, &scenario.target, m.clone()),
             from_port: [&scenario.chaser, &scenario.target].map(|s| s.x_body_port.inverse()),
             strikers,
+            pairs: pair_count(m),
             cells: Cells::find(columns)?,
             arrows: Vec::new(),
             pace: Pace::default(),
@@ -205,7 +211,7 @@ impl Playback {
                 if f != DVec3::ZERO {
                     let along = DVec3::X * f.x;
                     self.arrows.push(ContactArrow {
-                        pair: PAIRS + i,
+                        pair: self.pairs + i,
                         point_w_m: poses.x_wp.transform_point(striker),
                         normal_force_w_n: poses.x_wr.q * -along,
                         friction_w_n: poses.x_wr.q * (along - f),

@@ -166,7 +166,7 @@ fn quantities(run: &Run) -> Vec<Quantity> {
         },
     );
     if run.has_latches() {
-        let gaps = (1..=3).filter_map(|i| {
+        let gaps = (1..=run.latch_count()).filter_map(|i| {
             let points = run.curve(&format!("latch_{i}_gap_m"), 1e3)?;
             let (colour, dash) = colours(i - 1);
             Some(Curve { name: format!("latch {i}"), points, colour, dash })
@@ -341,7 +341,7 @@ fn lanes(run: &Run) -> Result<Vec<Drawn>, PlotError> {
         })?);
     }
     if run.has_latches() {
-        let lanes: Vec<Lane> = (1..=3).filter_map(|i| latch_lane(run, i)).collect();
+        let lanes: Vec<Lane> = (1..=run.latch_count()).filter_map(|i| latch_lane(run, i)).collect();
         if !lanes.is_empty() {
             out.push(three(run, LEFT_LANES, 66.0, || {
                 let plot = lanes.iter().fold(Plot::new("Latches"), |p, l| p.lane(l.clone()));

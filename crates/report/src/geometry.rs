@@ -1,7 +1,9 @@
 //! Where the parts of the mechanism are, from what was recorded.
 
 use docktwin_core::{DQuat, DVec3, Pose, Twist};
-use docktwin_model::{Attenuator, DockingMechanism, PetalGeometry, SideGeometry};
+use docktwin_model::{
+    Attenuator, DockingMechanism, PetalGeometry, SideGeometry, Surface, SurfaceCore, SurfaceGrid,
+};
 use docktwin_record::{Cell, RunReader};
 use docktwin_scenario::Scenario;
 
@@ -156,6 +158,18 @@ pub(crate) fn ring_patches(side: &SideGeometry) -> Vec<Patch> {
         .collect()
 }
 
+/// A listed surface, in its ring frame.
+pub(crate) fn surface_patches(s: &Surface) -> Vec<Patch> {
+    let two_sided = matches!(s.core, SurfaceCore::Hollow { .. });
+    let of = |grid: SurfaceGrid| {
+        let at = |i: usize, j: usize| grid.points[i * grid.columns + j % grid.columns][0];
+        let cells = (1..grid.rows).flat_map(|i| (0..grid.columns).map(move |j| (i, j)));
+        let corners = |(i, j)| [at(i - 1, j), at(i - 1, j + 1), at(i, j + 1), at(i, j)];
+        cells.map(|cell| Patch { corners: corners(cell), two_sided }).collect::<Vec<_>>()
+    };
+    s.grids(24).into_iter().flat_map(of).collect()
+}
+
 /// The mid-surface of a petal, in its ring frame.
 pub(crate) fn petal_patches(p: &PetalGeometry, i: u32) -> Vec<Patch> {
     const ACROSS: u32 = 10;
@@ -239,6 +253,8 @@ mod tests {
 
     fn side() -> SideGeometry {
         SideGeometry {
+            has_ring: true,
+            surfaces: Vec::new(),
             ring: RingGeometry { mean_radius_m: 0.6, section_radius_m: 0.025, segments: 48 },
             petals: Some(PetalGeometry {
                 count: 3,

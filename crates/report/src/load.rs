@@ -485,8 +485,8 @@ impl Run {
     }
 
     /// When each latch caught for good.
-    pub(crate) fn latched_s(&self) -> [Option<f64>; 3] {
-        core::array::from_fn(|i| {
+    pub(crate) fn latched_s(&self) -> Vec<Option<f64>> {
+        let latched = |i: usize| {
             if let Some(s) = &self.summary {
                 return s.latches_s.get(i).copied().flatten();
             }
@@ -495,13 +495,20 @@ impl Run {
                 .iter()
                 .rfind(|e| e.kind == "latched" && e.body["latch"].as_u64() == Some(number))
                 .map(|e| e.time_s)
-        })
+        };
+        (0..self.latch_count()).map(latched).collect()
+    }
+
+    /// Number of latches, three as long as the mechanism is not known.
+    pub(crate) fn latch_count(&self) -> usize {
+        let of = |g: &crate::geometry::Geometry| g.mechanism.own_latches.len();
+        self.geometry.as_ref().map(of).filter(|n| *n > 0).unwrap_or(3)
     }
 
     /// Whether the mechanism has latches, as far as is known.
     pub(crate) fn has_latches(&self) -> bool {
         match &self.geometry {
-            Some(g) => g.mechanism.latches.is_some(),
+            Some(g) => g.mechanism.latch_count() > 0,
             None => self.latched_s().iter().any(Option::is_some),
         }
     }

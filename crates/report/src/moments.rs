@@ -23,7 +23,7 @@ pub(crate) struct Facts {
     pub(crate) strongest_s: Option<f64>,
     /// Of closest approach.
     pub(crate) closest_s: Option<f64>,
-    pub(crate) latched_s: [Option<f64>; 3],
+    pub(crate) latched_s: Vec<Option<f64>>,
     pub(crate) capture_s: Option<f64>,
     /// Of the largest load on the port, where there is one.
     pub(crate) port_load_s: Option<f64>,

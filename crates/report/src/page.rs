@@ -61,7 +61,7 @@ fn scenario_name(run: &Run) -> String {
 /// What an outcome means.
 fn outcome_words(o: Outcome) -> &'static str {
     match o {
-        Outcome::Captured => "All three latches hold; the spacecraft are joined.",
+        Outcome::Captured => "The latches hold; the spacecraft are joined.",
         Outcome::Rebounded => "The sides touched and parted again without capture.",
         Outcome::Missed => "The target never came into the zone where the petals guide it.",
         Outcome::Jammed => "The sides stayed in contact, but not all latches caught.",
@@ -675,7 +675,7 @@ fn explanation(run: &Run) -> Markup {
                 dt { "Port loads" }
                 dd { "F3 and M3 act on the chaser at e3, F4 and M4 on the target at e4. Compression pushes the sides together, tension pulls them apart; after capture the joined rings carry load without a contact." }
                 dt { "Latches" }
-                dd { "Free; near its striker; struck; caught. Three caught latches are a capture." }
+                dd { "Free; near its striker; struck; caught. Three caught latches are a capture, or those that the mechanism names." }
                 dt { "Attenuator" }
                 dd { "What carries the active ring: springs and brakes. Deflection is how far the ring is from its rest, in e3." }
                 dt { "Account off by" }

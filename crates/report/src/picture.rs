@@ -6,7 +6,7 @@ use docktwin_core::{DVec3, Pose};
 use docktwin_model::SideGeometry;
 use docktwin_record::ContactRow;
 
-use crate::geometry::{Geometry, Patch, Poses, petal_patches, ring_patches};
+use crate::geometry::{Geometry, Patch, Poses, petal_patches, ring_patches, surface_patches};
 use crate::load::{Run, Snapshot};
 use crate::moments::Moment;
 use crate::story::{self, Pair};
@@ -210,7 +210,12 @@ fn surfaces(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera) {
     for (side, x, letter) in
         [(&g.mechanism.active, &poses.x_wr, 'a'), (&g.mechanism.passive, &poses.x_wp, 'p')]
     {
-        add(ring_patches(side), x, letter);
+        if side.has_ring {
+            add(ring_patches(side), x, letter);
+        }
+        for s in &side.surfaces {
+            add(surface_patches(s), x, letter);
+        }
         if let Some(petals) = &side.petals {
             for i in 0..petals.count {
                 add(petal_patches(petals, i), x, letter);

@@ -52,7 +52,7 @@ pub struct Signal {
 /// Signals that are recorded once for every index from 1 on, or once where there is no index.
 #[derive(Clone, Copy, Debug)]
 pub struct Group {
-    /// How many; `None` for signals without index.
+    /// How many; `None` for signals without index. Of latches at least these: a mechanism with more has columns for each.
     pub count: Option<u32>,
     /// What the index counts.
     pub of: &'static str,
@@ -74,11 +74,21 @@ impl Signal {
     }
 }
 
+/// Latches that have columns in every recording, whether they are there or not.
+pub(crate) const LATCH_COLUMNS: usize = 3;
+
 /// Columns of groups of signals, in their order.
 pub(crate) fn columns_of(groups: &[Group]) -> Vec<Column> {
+    columns_with(groups, LATCH_COLUMNS)
+}
+
+/// As [`columns_of`], of a mechanism with so many latches.
+pub(crate) fn columns_with(groups: &[Group], latches: usize) -> Vec<Column> {
+    let latches = u32::try_from(latches.max(LATCH_COLUMNS)).unwrap_or(0);
     let mut out = Vec::new();
     for group in groups {
-        for index in 1..=group.count.unwrap_or(1) {
+        let count = if group.of == "latch" { latches } else { group.count.unwrap_or(1) };
+        for index in 1..=count {
             for s in group.signals {
                 out.extend(s.names(index).map(|name| Column::new(s.kind, s.topic, name)));
             }

@@ -38,10 +38,12 @@ pub enum RunEvent {
         /// Its axial gap, m.
         gap_m: f64,
     },
-    /// All latches hold.
+    /// Enough latches hold.
     Captured {
         /// When, s.
         capture_s: f64,
+        /// Whether they are latches with places of their own, which `captured_when` names.
+        own_latches: bool,
     },
     /// The control wrench of a spacecraft becomes zero or other than zero.
     Thrust {
@@ -176,8 +178,12 @@ impl RunEvent {
                     json!({ "latch": latch + 1, "gap_m": gap_m }),
                 )
             }
-            Self::Captured { capture_s } => (
-                format!("t = {capture_s:.3} s all three latches hold: the rings are joined"),
+            Self::Captured { capture_s, own_latches } => (
+                if *own_latches {
+                    format!("t = {capture_s:.3} s the latches that make a capture hold")
+                } else {
+                    format!("t = {capture_s:.3} s all three latches hold: the rings are joined")
+                },
                 json!({ "capture_s": capture_s }),
             ),
             Self::Thrust { on, active } => {

@@ -2,7 +2,7 @@
 //! momentum, the digest of all states, step times; and the summary and verdict made of them.
 
 use docktwin_core::{ContactChange, ContactSpan, Digest, SimTime, StateHasher, Wrench};
-use docktwin_model::DockingMechanism;
+use docktwin_model::{DockingMechanism, MOST_LATCHES};
 use docktwin_physics::{
     contact::{PAIRS, SurfacePair},
     mechanism::{LatchPhase, System},
@@ -51,8 +51,10 @@ pub struct Asked<'a> {
 pub struct Observer {
     monitor: Monitor,
     contacts: [PairHistory; PAIRS],
-    latches: [LatchPhase; 3],
+    latches: [LatchPhase; MOST_LATCHES],
     captured: bool,
+    /// Latches with places of their own.
+    own_latches: usize,
     thrust: [bool; 2],
     limit_reported: bool,
     digests: StateHasher,
@@ -67,8 +69,9 @@ impl Default for Observer {
         Self {
             monitor: Monitor::default(),
             contacts: [PairHistory::default(); PAIRS],
-            latches: [LatchPhase::Free; 3],
+            latches: [LatchPhase::Free; MOST_LATCHES],
             captured: false,
+            own_latches: 0,
             thrust: [false; 2],
             limit_reported: false,
             digests: StateHasher::new(),
@@ -100,6 +103,7 @@ impl Observer {
     /// Takes a tick in; what happened is appended to `events`.
     pub fn observe(&mut self, o: &Observed<'_>, events: &mut Vec<RunEvent>) {
         let mechanism = o.system.mechanism();
+        self.own_latches = mechanism.own_latches.len();
         self.monitor.observe(mechanism, &o.now.state.mechanism, o.seen);
         self.energy.add(o.now);
         self.momentum.add(o.system, o.now);
@@ -138,7 +142,7 @@ impl Observer {
 
     fn watch_mechanism(&mut self, o: &Observed<'_>, events: &mut Vec<RunEvent>) {
         let now = &o.now.state.mechanism;
-        for (latch, (known, l)) in self.latches.iter_mut().zip(&now.latches).enumerate() {
+        for (latch, (known, l)) in self.latches.iter_mut().zip(now.all_latches()).enumerate() {
             if l.phase != *known {
                 *known = l.phase;
                 let gap_m = o.now.measured.latches[latch].axial_m;
@@ -147,7 +151,7 @@ impl Observer {
         }
         if let (false, Some(capture_s)) = (self.captured, now.captured_s()) {
             self.captured = true;
-            events.push(RunEvent::Captured { capture_s });
+            events.push(RunEvent::Captured { capture_s, own_latches: self.own_latches > 0 });
         }
     }
 
@@ -201,7 +205,12 @@ impl Observer {
             state_digest: self.digests.finish().to_string(),
             first_contact_s: state.first_contact_s,
             capture_s: state.mechanism.captured_s(),
-            latches_s: state.mechanism.latches.iter().map(|l| l.times_s[2]).collect(),
+            latches_s: state
+                .mechanism
+                .all_latches()
+                .take(if self.own_latches > 0 { self.own_latches } else { 3 })
+                .map(|l| l.times_s[2])
+                .collect(),
             peak_force_n: state.peak_force_n,
             peak_moment_nm: state.peak_moment_nm,
             impulse_ns: state.impulse_ns,

@@ -6,8 +6,8 @@ use docktwin_core::{SimTime, Tick, Wrench};
 use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_physics::{
     body::BodyState,
-    contact::{PAIRS, SurfacePair},
-    mechanism::System,
+    contact::SurfacePair,
+    mechanism::{System, pair_count},
     outcome::Judgement,
     reduced::Inputs,
 };
@@ -22,7 +22,7 @@ use crate::{
     progress::Progress,
     provenance::digest_keys,
     setup::{masses, start, tick_digest},
-    signals::{Instant, columns, contact_rows, row},
+    signals::{Instant, columns_for, contact_rows, row},
     sink::{Header, Sink, TickView},
     twin::{TickedTwin, TwinKind},
 };
@@ -174,7 +174,7 @@ impl<'a> Rehearsal<'a> {
     /// The sink cannot be begun.
     pub fn begin<S: Sink>(self, mut sink: S) -> Result<RunningRehearsal<'a, S>, RunError> {
         let Self { scenario, options, steps, system, bodies } = self;
-        let (columns, pair_names) = (columns(), pair_names(scenario));
+        let (columns, pair_names) = (columns_for(&scenario.mechanism), pair_names(scenario));
         let metadata = metadata(scenario, options, steps);
         let tick_nanos = scenario.run.tick_nanos;
         let header = Header {
@@ -247,7 +247,9 @@ fn metadata(
 /// Names of the pairs of surfaces of a scenario, by index.
 #[must_use]
 pub fn pair_names(scenario: &Scenario) -> Vec<String> {
-    (0..PAIRS).map(|i| pair_name(&scenario.mechanism, SurfacePair::from_index(i))).collect()
+    (0..pair_count(&scenario.mechanism))
+        .map(|i| pair_name(&scenario.mechanism, SurfacePair::from_index(i)))
+        .collect()
 }
 
 /// Makes rows and events of what was seen, and hands them to a sink.

@@ -1,6 +1,8 @@
 //! What is recorded of a docking, and in which columns.
 
+use arrayvec::ArrayVec;
 use docktwin_core::{DVec3, Euler, Twist, Wrench};
+use docktwin_model::{DockingMechanism, MOST_LATCHES};
 use docktwin_physics::{
     contact::ContactSample,
     mechanism::{CHASER, Forces, Measured, Midpoint, RING, System, TARGET},
@@ -10,7 +12,7 @@ use docktwin_physics::{
 use docktwin_record::{Cell, Column, ContactRow};
 
 use crate::{
-    columns::{DOCKING, columns_of},
+    columns::{DOCKING, LATCH_COLUMNS, columns_of, columns_with},
     control::Situation,
 };
 
@@ -41,7 +43,7 @@ pub struct Instant {
     /// How far the attenuator is beyond its travel, m.
     pub overtravel_m: f64,
     /// Force of each latch on the target, in `r3`, N.
-    pub latch_force_n: [DVec3; 3],
+    pub latch_force_n: ArrayVec<DVec3, MOST_LATCHES>,
 }
 
 impl Instant {
@@ -146,6 +148,12 @@ pub fn columns() -> Vec<Column> {
     columns_of(DOCKING)
 }
 
+/// As [`columns`], with columns for every latch of a mechanism.
+#[must_use]
+pub fn columns_for(mechanism: &DockingMechanism) -> Vec<Column> {
+    columns_with(DOCKING, mechanism.latch_count())
+}
+
 /// The places of contact of an instant; `out` is cleared and filled.
 pub fn contact_rows(i: &Instant, out: &mut Vec<ContactRow>) {
     out.clear();
@@ -190,8 +198,9 @@ pub fn row(i: &Instant, system: &System, inputs: &Inputs, digest: u64, out: &mut
         vector(out, w.f);
         vector(out, w.m);
     }
-    for f in i.latch_force_n {
-        vector(out, f);
+    let latches = system.mechanism().latch_count().max(LATCH_COLUMNS);
+    for latch in 0..latches {
+        vector(out, i.latch_force_n.get(latch).copied().unwrap_or_default());
     }
     vector(out, i.momentum.f);
     vector(out, i.momentum.m);
@@ -212,8 +221,9 @@ pub fn row(i: &Instant, system: &System, inputs: &Inputs, digest: u64, out: &mut
         ]
         .map(Cell::from),
     );
-    out.extend(i.state.mechanism.latches.map(|l| Cell::from(l.phase as u64)));
-    out.extend(i.measured.latches.map(|l| Cell::from(l.axial_m)));
+    let phases = i.state.mechanism.all_latches().take(latches);
+    out.extend(phases.map(|l| Cell::from(l.phase as u64)));
+    out.extend(i.measured.latches.iter().take(latches).map(|l| Cell::from(l.axial_m)));
     out.push(Cell::from(i.measured.deepest_m()));
     out.push(Cell::from(i.contact_count as u64));
     out.push(Cell::from(digest));

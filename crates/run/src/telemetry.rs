@@ -4,6 +4,7 @@
 
 use docktwin_core::{DVec3, PORT_CONTACT_N, Pose, Wrench};
 use docktwin_hil::scheduler::TickRecord;
+use docktwin_model::{DockingMechanism, MOST_LATCHES};
 use docktwin_physics::{
     body::BodyState,
     limits::{LimitPassed, Loads},
@@ -16,7 +17,7 @@ use docktwin_record::{Cell, Column};
 
 use crate::{
     columns::{WITH_RIG, columns_of},
-    signals::{Instant, columns},
+    signals::{Instant, columns, columns_for},
 };
 
 /// Columns of a run against a rig: those of a docking, then those of [`loop_row`], which are
@@ -24,6 +25,14 @@ use crate::{
 #[must_use]
 pub fn hil_columns() -> Vec<Column> {
     let mut out = columns();
+    out.extend(columns_of(WITH_RIG));
+    out
+}
+
+/// As [`hil_columns`], with columns for every latch of a mechanism.
+#[must_use]
+pub fn hil_columns_for(mechanism: &DockingMechanism) -> Vec<Column> {
+    let mut out = columns_for(mechanism);
     out.extend(columns_of(WITH_RIG));
     out
 }
@@ -68,7 +77,7 @@ pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
 /// What has happened so far in a run against a rig, kept from tick to tick.
 #[derive(Clone, Debug)]
 pub struct Watcher {
-    latches: [LatchState; 3],
+    latches: [LatchState; MOST_LATCHES],
     captured_s: Option<f64>,
     /// State as shown; its sums run from tick to tick.
     state: DockingState,
@@ -81,7 +90,7 @@ impl Watcher {
     #[must_use]
     pub fn new(bodies: [BodyState; 3]) -> Self {
         Self {
-            latches: [LatchState::default(); 3],
+            latches: [LatchState::default(); MOST_LATCHES],
             captured_s: None,
             state: DockingState::new(bodies),
             kinetic_start_j: None,

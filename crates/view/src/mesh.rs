@@ -1,7 +1,7 @@
 use core::f64::consts::{PI, TAU};
 
 use docktwin_core::DVec3;
-use docktwin_model::{PetalGeometry, RingGeometry};
+use docktwin_model::{PetalGeometry, RingGeometry, Surface};
 
 /// Triangles with a normal at every vertex; metres, in the frame of the part.
 #[derive(Default)]
@@ -90,6 +90,19 @@ impl Mesh {
             let n = s.normal * cos + (s.to_tip * *along + s.across * *across) * sin;
             (s.point + n * half, n)
         });
+        m
+    }
+
+    /// A listed surface, in the ring frame.
+    pub(crate) fn surface(s: &Surface) -> Self {
+        let mut m = Self::default();
+        for grid in s.grids(48) {
+            let size = |n: usize| u32::try_from(n).unwrap_or(0);
+            m.push_grid(size(grid.rows), size(grid.columns), true, |i, j| {
+                let [p, n] = grid.points[i as usize * grid.columns + j as usize];
+                (p, n)
+            });
+        }
         m
     }
 

@@ -60,8 +60,13 @@ pub(crate) fn log_mesh(rec: &Stream, path: &str, mesh: Mesh, colour: u32) -> Sen
 }
 
 fn log_side(rec: &Stream, path: &str, side: &SideGeometry, colour: u32, glass: u32) -> Sent {
-    log_mesh(rec, &format!("{path}/ring"), Mesh::torus(&side.ring), glass)?;
-    log_edges(rec, &format!("{path}/ring/edges"), torus_edges(&side.ring), colour)?;
+    if side.has_ring {
+        log_mesh(rec, &format!("{path}/ring"), Mesh::torus(&side.ring), glass)?;
+        log_edges(rec, &format!("{path}/ring/edges"), torus_edges(&side.ring), colour)?;
+    }
+    for (i, s) in side.surfaces.iter().enumerate() {
+        log_mesh(rec, &format!("{path}/surface_{i}"), Mesh::surface(s), glass)?;
+    }
     if let Some(petals) = &side.petals {
         for i in 0..petals.count {
             log_mesh(rec, &format!("{path}/petal_{i}"), Mesh::petal(petals, i), glass)?;

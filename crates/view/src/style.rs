@@ -40,18 +40,27 @@ pub(crate) enum PairClass {
     RingRing,
     PetalRing,
     PetalPetal,
+    Listed,
     Latch,
 }
 
 impl PairClass {
-    pub(crate) const ALL: [Self; 4] =
-        [Self::RingRing, Self::PetalRing, Self::PetalPetal, Self::Latch];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::RingRing, Self::PetalRing, Self::PetalPetal, Self::Listed, Self::Latch];
 
-    /// From the name of the pair: how often it says "petal", and whether it names a latch.
+    /// From the name of the pair: how often it says "petal", whether it names a latch, or a surface that is neither
+    /// ring nor petal.
     pub(crate) fn of_name(name: &str) -> Self {
         let name = name.to_lowercase();
         if ["latch", "striker", "joint"].iter().any(|w| name.contains(w)) {
             return Self::Latch;
+        }
+        let listed = |part: &str| {
+            let part = part.trim().trim_start_matches("active ").trim_start_matches("passive ");
+            part != "ring" && !part.starts_with("petal")
+        };
+        if name.starts_with("active ") && name.split('·').any(listed) {
+            return Self::Listed;
         }
         match name.matches("petal").count() {
             0 => Self::RingRing,
@@ -65,6 +74,7 @@ impl PairClass {
             Self::RingRing => "ring on ring",
             Self::PetalRing => "petal on ring",
             Self::PetalPetal => "petal on petal",
+            Self::Listed => "listed surfaces",
             Self::Latch => "latch",
         }
     }
@@ -75,6 +85,7 @@ impl PairClass {
             Self::RingRing => "ring_ring",
             Self::PetalRing => "petal_ring",
             Self::PetalPetal => "petal_petal",
+            Self::Listed => "listed",
             Self::Latch => "latch",
         }
     }
@@ -84,6 +95,7 @@ impl PairClass {
             Self::RingRing => 0xFF_F2_4A_FF,
             Self::PetalRing => 0xFF_4F_C8_FF,
             Self::PetalPetal => 0x62_F0_8C_FF,
+            Self::Listed => 0xB0_8C_FF_FF,
             Self::Latch => 0x4F_E8_F0_FF,
         }
     }
@@ -130,6 +142,8 @@ mod tests {
             ("active ring · passive petal 2", PairClass::PetalRing),
             ("active petal 0 · passive ring", PairClass::PetalRing),
             ("Active Petal 0 · passive petal 2", PairClass::PetalPetal),
+            ("active probe_head · passive drogue", PairClass::Listed),
+            ("active ring · passive drogue", PairClass::Listed),
             ("latch 1 · striker 1", PairClass::Latch),
         ] {
             assert_eq!(PairClass::of_name(name), class, "{name}");

@@ -16,7 +16,7 @@ from pathlib import Path
 import mujoco
 import pyarrow.parquet as pq
 
-from .docking import FullDocking
+from .listed import engine
 from .peer import Rehearsal, state_names, states
 from .scenario import read_scene
 from .telemetry import write, write_contacts
@@ -31,7 +31,7 @@ def run(source: Path, out: Path, step_s: float) -> dict:
     first = {n: batch.column(n).to_numpy(zero_copy_only=False) for n in names}
     rules = scene.run
     began = time.perf_counter()
-    dock = FullDocking(scene, step_s, float(rules.get("tick_s", 1e-3)))
+    dock = engine(scene)(scene, step_s, float(rules.get("tick_s", 1e-3)))
     # As long as docktwin's run may last, so that a limit passed there is looked for here too.
     got = dock.run(
         states(Rehearsal({}, first, scene)), float(rules["duration_s"]), float(first["time_s"][0]),

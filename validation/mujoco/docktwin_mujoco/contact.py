@@ -20,6 +20,9 @@ class Side:
     ring_mean_radius_m: float
     ring_section_radius_m: float
     petals: object | None = None
+    has_ring: bool = True
+    surfaces: tuple = ()
+    """Surfaces beside ring and petals, see `listed.py`."""
 
 
 @dataclass

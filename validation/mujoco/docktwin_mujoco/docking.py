@@ -130,6 +130,8 @@ def parameters(scene: Scene, step_s: float, every: int) -> np.ndarray:
             th.delay_s, th.duration_s, *th.force_n, *th.moment_nm, float(th.until_capture),
         ]
     P[k.STEP], P[k.EVERY] = step_s, every
+    if m.active.surfaces or m.passive.surfaces or m.own_latches:
+        P[k.CONTACT_OFF] = 1.0
     return P
 
 

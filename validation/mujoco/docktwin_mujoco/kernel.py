@@ -43,9 +43,12 @@ N_UP, UP, N_DOWN, DOWN, BRANCH, C_BEFORE, C_AFTER, DRY, TRAVEL_N, TRAVEL_P, STOP
 BASE_JOINTS, RING_JOINTS, COUPLING = 500, 520, 540
 THRUSTS, THRUST, THRUST_SIZE, MOST_THRUSTS = 599, 600, 12, 8
 STEP, START, EVERY, CONTACT_OFF = 700, 701, 702, 703
+# With CONTACT_OFF what acts between the sides comes from outside, at every stage, in the active ring's frame: force of
+# the contacts, force and moment of everything, depth, forces and gaps of three latches.
+GIVEN_CONTACT, GIVEN_FORCE, GIVEN_MOMENT, GIVEN_DEPTH, GIVEN_LATCH, GIVEN_GAP = 704, 707, 710, 713, 714, 723
 # 1.0: latches measure and pull in the axes of the passive ring.
-PASSIVE_AXES = 704
-P_SIZE = 720
+PASSIVE_AXES = 732
+P_SIZE = 740
 
 # -- memory ------------------------------------------------------------------------------------
 STAGE, FIRST, CAPTURED, PEAK_F, PEAK_M, PEAK_D, ROWS, TOUCHING, FORCE, CROSSED = range(10)
@@ -55,7 +58,9 @@ SLOT, CLEAR, CONTROL = 50, 180, 390
 PLACES = 402
 # Largest so far of what limits are about, in the order of `outcome.LIMITS`.
 LOADS, N_LOADS = 404, 7
-S_SIZE = 412
+# Whether a latch with a place of its own holds its striker.
+HELD = 411
+S_SIZE = 416
 PAIRS = 16
 CLEAR_SIZE = 13
 # Cores nearer to each other than this are said to meet: their normal is no longer to be believed, m.
@@ -587,13 +592,19 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
     depth, count = 0.0, 0
     latch = np.zeros((3, 3))
     record = np.empty((MOST_SHOWN if first else 0, RECORD))
-    joined = S[CAPTURED] >= 0.0
+    captured = S[CAPTURED] >= 0.0
+    joined = captured and P[CONTACT_OFF] == 0.0
     if not joined:
         if P[CONTACT_OFF] == 0.0:
             force, moment, depth, count, _ = contact(
                 P, S, act, rates, r_ab, p_ab, v_ab, w_ab, first, given, record
             )
             rubbed = force
+        else:
+            force, moment = at3(P, GIVEN_FORCE), at3(P, GIVEN_MOMENT)
+            rubbed, depth = at3(P, GIVEN_CONTACT), P[GIVEN_DEPTH]
+            for i in range(3):
+                put3(latch[i], 0, at3(P, GIVEN_LATCH + 3 * i))
         if P[LATCHES] != 0.0:
             caught = 0
             for i in range(3):
@@ -627,7 +638,7 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         if depth > 0.0 and S[FIRST] < 0.0:
             S[FIRST] = time
     put3(rates, IMPULSE, turn(rr, force))
-    rates[IMPULSE + 3] = norm(force) if not joined else 0.0
+    rates[IMPULSE + 3] = norm(force) if not captured else 0.0
 
     f_w, m_w = turn(rr, force), turn(rr, moment)
     act_on(qfrc, v, rt, f_w, add(m_w, cross(sub(pr, pt), f_w)))
@@ -636,7 +647,7 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         act_on(qfrc, 0, rc, mul(f_w, -1.0), mul(add(m_w, cross(sub(pr, pc), f_w)), -1.0))
     else:
         phase = 0.0
-        if joined:
+        if captured:
             phase = min(max((time - S[CAPTURED]) / max(P[RAMP], 1e-9), 0.0), 1.0)
         r_3r, p_3r = chain(transposed(r3), rr), back(r3, sub(pr, p3))
         v_3 = back(r3, sub(vr, add(vc, cross(wc, sub(pr, pc)))))
@@ -703,7 +714,9 @@ def scene(P, S, T, qpos, qvel, act, rates, qfrc, given):
         put3(row, CONTACT, turn(rr, rubbed))
         for i in range(3):
             row[PHASES + i] = S[PHASE + i]
-            row[GAPS + i] = striker(P, i, r_ab, p_ab)[1][0] if P[LATCHES] != 0.0 else 0.0
+            row[GAPS + i] = P[GIVEN_GAP + i]
+            if P[LATCHES] != 0.0:
+                row[GAPS + i] = striker(P, i, r_ab, p_ab)[1][0]
         row[N_PLACES], row[FORCE_NOW] = count, S[FORCE]
         for i in range(12):
             row[CONTROLS + i] = S[CONTROL + i]

@@ -116,6 +116,9 @@ class Mechanism:
     attenuation: Attenuation | None = None
     """None: rigid."""
     latches: Latches | None = None
+    own_latches: tuple = ()
+    """As `[[latch]]`, tables with plain numbers."""
+    captured_when: str = "all"
     limits: dict = dataclasses.field(default_factory=dict)
     rules: dict = dataclasses.field(default_factory=dict)
 
@@ -197,7 +200,61 @@ def read_spacecraft(urdf: Path) -> Spacecraft:
     return Spacecraft(robot.get("name"), mass, inertia, r, p - com)
 
 
-def _side(table: dict) -> Side:
+@dataclass(frozen=True)
+class Surface:
+    """As `[[surface]]`: a core with a ball swept over it, its frame in the ring frame of its side."""
+
+    name: str
+    kind: str
+    r: np.ndarray
+    p: np.ndarray
+    rounding_m: float
+    sizes: dict
+    stiffness_n_m: float
+    friction: float
+
+    def top_m(self) -> float:
+        """How far it reaches along X of the ring frame."""
+        axis = self.r[:, 0]
+        if self.kind == "sphere":
+            far = 0.0
+        elif self.kind == "capsule":
+            far = 0.5 * self.sizes["length_m"] * abs(axis[0])
+        else:
+            across = math.hypot(axis[1], axis[2])
+            points = self.sizes.get("profile_m", [[0.0, self.sizes.get("core_radius_m", 0.0)]])
+            far = max(x * axis[0] + rho * across for x, rho in points)
+        return float(self.p[0] + far + self.rounding_m)
+
+
+KINDS = ("sphere", "capsule", "torus", "hollow")
+
+
+def _surfaces(table: dict, robot) -> tuple:
+    _, r_ring, p_ring = _pose_in_root(robot, "ring")
+    out = []
+    for t in table.get("surface", []):
+        if t["kind"] not in KINDS:
+            raise ValueError(f"surfaces of kind {t['kind']} are not written here: {', '.join(KINDS)}")
+        _, r_link, p_link = _pose_in_root(robot, t["link"])
+        r = r_ring.T @ r_link
+        p = r_ring.T @ (p_link - p_ring) + r @ np.array(_get(t, "position_m"), float)
+        r = r @ rotation_rpy(np.radians(_get(t, "rpy_deg")))
+        sizes = {key: _get(t, key) for key in ("length_m", "core_radius_m", "profile_m") if key in t}
+        out.append(Surface(
+            t["name"], t["kind"], r, p, float(_get(t, "rounding_m")), sizes,
+            float(_get(t, "stiffness_n_m")), float(_get(t, "friction")),
+        ))
+    return tuple(out)
+
+
+def _side(table: dict, robot) -> Side:
+    surfaces = _surfaces(table, robot)
+    if "ring" not in table:
+        radius = _get(table["placement"], "reference_radius_m")
+        return Side(radius, 0.0, None, False, surfaces)
+    if surfaces:
+        raise ValueError("listed surfaces beside a ring are not written here")
     ring = table["ring"]
     petals = table.get("petals")
     if petals is not None:
@@ -317,7 +374,7 @@ def read_mechanism(
         inertia - np.array(_get(body, "inertia_kg_m2"))
     ).max() > 1e-12 * np.abs(inertia).max():
         raise ValueError(f"ring masses of URDF and TOML differ: {active_urdf}")
-    sides = (_side(a), _side(b))
+    sides = (_side(a, robot_a), _side(b, robot_b))
     if not petals:
         sides = tuple(dataclasses.replace(s, petals=None) for s in sides)
     return Mechanism(
@@ -325,6 +382,8 @@ def read_mechanism(
         _law({**a["contact"], **(contact or {})}),
         _attenuation(a["attenuation"], attenuation),
         _latches(a.get("latches")),
+        tuple({key: _value(v) for key, v in t.items()} for t in a.get("latch", [])),
+        a.get("captured_when", "all"),
         {key: float(_value(v)) for key, v in a["limits"].items()},
         {key: float(_value(v)) for key, v in a["outcome"].items()},
     )

@@ -14,7 +14,7 @@ LIMITS = (
 
 def _height(side) -> float:
     petals = 0.0 if side.petals is None else side.petals.height_m + 0.5 * side.petals.thickness_m
-    return petals + side.ring_section_radius_m
+    return max([petals + side.ring_section_radius_m, *(s.top_m() for s in side.surfaces)])
 
 
 class Monitor:
@@ -30,6 +30,7 @@ class Monitor:
         self.guided = self.touched_guided = False
         self.closest, self.offset = math.inf, 0.0
         self.latched = 0
+        self.own = len(mechanism.own_latches)
 
     def observe(self, row, memory) -> None:
         """Takes a tick in."""
@@ -48,7 +49,8 @@ class Monitor:
         if self.limit is None:
             self._limits(row, t)
         self.latched = int((row[k.PHASES : k.PHASES + 3] == 3.0).sum())
-        if self.captured is None and self.latched == 3:
+        caught = memory[k.CAPTURED] >= 0.0 if self.own else self.latched == 3
+        if self.captured is None and caught:
             self.captured = float(memory[k.CAPTURED])
         v, w = row[k.REL_V : k.REL_V + 3], row[k.REL_W : k.REL_W + 3]
         slow = (
@@ -102,9 +104,9 @@ class Monitor:
         if self.captured is not None:
             return "captured", self.captured, "all latches caught"
         if self.jammed is not None:
-            return "jammed", self.jammed, f"{self.latched} of 3 latches caught, and no further"
+            return "jammed", self.jammed, f"{self.latched} of {self.own or 3} latches caught, and no further"
         if self.separated is None and self.jam_since is not None:
-            return "jammed", end_s, f"{self.latched} of 3 latches caught at the end"
+            return "jammed", end_s, f"{self.latched} of {self.own or 3} latches caught at the end"
         if not self.guided or (self.first is not None and not self.touched_guided):
             return "missed", end_s if self.last is None else self.last, "outside the guided zone"
         if self.separated is not None and self.touched_guided:

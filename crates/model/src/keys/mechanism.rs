@@ -1,6 +1,8 @@
 //! Keys of the TOML beside each side of a docking mechanism.
 
-use super::{Group, Key, Need, Need::Required, SCHEMA, Shape, key, names, table, tables};
+use super::{
+    Group, Key, Need, Need::Required, SCHEMA, Shape, any_number, key, names, table, tables,
+};
 use crate::mechanism::{AttenuationChoice, LatchAxes};
 use crate::toml_check::Range;
 
@@ -33,6 +35,32 @@ use contact_ranges as contact;
 pub(crate) const NORMAL_LAWS: [(&str, bool); 2] =
     [("hunt_crossley", true), ("kelvin_voigt", false)];
 
+/// Words of `surface.kind`.
+pub(crate) const SURFACE_KINDS: [(&str, SurfaceKind); 8] = [
+    ("sphere", SurfaceKind::Sphere),
+    ("capsule", SurfaceKind::Capsule),
+    ("torus", SurfaceKind::Torus),
+    ("box", SurfaceKind::Box),
+    ("cylinder", SurfaceKind::Cylinder),
+    ("cone", SurfaceKind::Cone),
+    ("hull", SurfaceKind::Hull),
+    ("hollow", SurfaceKind::Hollow),
+];
+
+/// A kind of surface, before its sizes are read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum SurfaceKind {
+    Sphere,
+    Capsule,
+    Torus,
+    Box,
+    Cylinder,
+    Cone,
+    Hull,
+    Hollow,
+}
+
+const SURFACE_KIND_NAMES: [&str; 8] = names(&SURFACE_KINDS);
 const NORMAL_LAW_NAMES: [&str; 2] = names(&NORMAL_LAWS);
 const ATTENUATION_NAMES: [&str; 3] = names(&AttenuationChoice::WORDS);
 const LATCH_AXES_NAMES: [&str; 2] = names(&LatchAxes::WORDS);
@@ -58,10 +86,19 @@ const POSITION: Shape = Shape::Number(Range::within(0.0, 0.01));
 
 // Both sides -----------------------------------------------------------------------------------
 
+const REFERENCE_RADIUS: Key = key(
+    "reference_radius_m",
+    Shape::Number(Range::positive(5.0)),
+    "0.6",
+    "Radius that stands for the ring of a side without one: rotations count at it, and pictures are drawn to it.",
+    "As `ring.mean_radius_m`, of a ring that nothing touches.",
+)
+.only("[ring] is not there");
+
 const RING: Group = Group {
     tables: &[table(
         "ring",
-        Required,
+        Need::Optional("without it the side has no ring, and what touches are its surfaces"),
         "The guide ring of this side: a torus about X of its ring frame (`r3` of the active side, `r4` \
          of the passive one).",
     )],
@@ -181,26 +218,158 @@ const PETALS: Group = Group {
     ],
 };
 
+const SURFACES: Group = Group {
+    tables: &[any_number(
+        "surface",
+        "without it only ring and petals touch",
+        "Surfaces of this side beside ring and petals, or instead of them: a core with a ball swept over it. \
+         Convex surfaces (sphere, capsule, box, cylinder, cone, hull) touch convex ones; a torus touches spheres, \
+         capsules and toruses; a hollow touches spheres, capsules and toruses; a ring counts as a torus. Any other pair that can come \
+         within reach is refused. At most 48 such pairs, which are 64 with the 16 numbers of rings and petals. A pair stores \
+         energy by its two surfaces in series (1/k = 1/k₁ + 1/k₂ for a linear law), and rubs by the geometric mean √(μ₁ μ₂) of \
+         both frictions; everything else of its law stands in [contact] of the active side. A ring has \
+         twice the stiffness of [contact], so that two rings have that one.",
+    )],
+    keys: &[
+        key(
+            "name",
+            Shape::Text("text, unlike that of any other surface of the side, not `ring`"),
+            "\"probe_head\"",
+            "Name in records and messages.",
+            "A pair is called by the names of both surfaces.",
+        ),
+        key(
+            "kind",
+            Shape::Words(&SURFACE_KIND_NAMES),
+            "\"sphere\"",
+            "Core over which the ball is swept. sphere: the origin of the surface's frame; capsule: a segment along X \
+             about it; torus: a circle about X; box, cylinder and cone about X, hull of points; hollow: the wall of a \
+             cone or cup, straight lines in the half-plane (x, radius) turned about X, with a surface on both of its sides.",
+            "Decides the sizes below and which partners it may have.",
+        ),
+        key(
+            "link",
+            Shape::Text("name of a link of the URDF"),
+            "\"ring\"",
+            "Link on which it stands. On the active side `ring` or a link fixed to it: what touches moves with the ring.",
+            "Its forces act on that body.",
+        ),
+        key(
+            "position_m",
+            Shape::List(3, Range::within(-10.0, 10.0)),
+            "[0.3, 0.0, 0.0]",
+            "Origin of the surface's frame in the frame of its link.",
+            "Where it touches.",
+        ),
+        key(
+            "rpy_deg",
+            Shape::List(3, Range::within(-360.0, 360.0)),
+            "[0.0, 0.0, 0.0]",
+            "Axes of the surface's frame in those of its link: turned about the fixed axes X, Y, Z in this order, as in URDF.",
+            "X is the axis of all kinds but sphere, box and hull.",
+        ),
+        key(
+            "rounding_m",
+            Shape::Number(Range::positive(10.0)),
+            "0.04",
+            "Radius of the swept ball: of a sphere its radius, of capsule and torus that of the section, of a \
+             hollow half of the wall. It comes on top of the sizes below.",
+            "`limits.depth_m` must stay below the radii of both surfaces of a pair together: beyond it their cores would meet.",
+        ),
+        key(
+            "core_radius_m",
+            Shape::Number(Range::positive(10.0)),
+            "0.05",
+            "Radius of the core: of the circle of a torus, of a cylinder, of the base of a cone.",
+            "Size without the rounding.",
+        )
+        .only("kind is torus, cylinder or cone"),
+        key(
+            "length_m",
+            Shape::Number(Range::positive(20.0)),
+            "0.2",
+            "Length of the core along X, half of it to either side of the origin; a cone has its tip at +X.",
+            "Size without the rounding.",
+        )
+        .only("kind is capsule, cylinder or cone"),
+        key(
+            "size_m",
+            Shape::List(3, Range::within(0.0, 20.0)),
+            "[0.1, 0.2, 0.2]",
+            "Edges of the core along X, Y, Z, about the origin.",
+            "Size without the rounding.",
+        )
+        .only("kind is box"),
+        key(
+            "points_m",
+            Shape::Rows(None, 3, Range::within(-10.0, 10.0)),
+            "[[0.0, 0.1, 0.0], [0.0, -0.1, 0.0], [0.1, 0.0, 0.1]]",
+            "Points whose convex hull is the core; at most 64.",
+            "Size without the rounding.",
+        )
+        .only("kind is hull"),
+        key(
+            "profile_m",
+            Shape::Rows(None, 2, Range::within(-10.0, 10.0)),
+            "[[0.0, 0.05], [0.3, 0.35]]",
+            "Points (x, radius ≥ 0) of the middle of the wall from one end to the other; at most 6. Two points are a cone; a \
+             point on the axis closes a cup.",
+            "Size without the rounding.",
+        )
+        .only("kind is hollow"),
+        key(
+            "stiffness_n_m",
+            Shape::Number(contact::STIFFNESS),
+            "2000000.0",
+            "Stiffness of this surface alone, N/m (N/mⁿ with the exponent n of [contact]).",
+            "Two alike give a pair half of it with a linear law.",
+        ),
+        key(
+            "friction",
+            Shape::Number(contact::FRICTION),
+            "0.1",
+            "Friction coefficient of this surface, sticking and sliding.",
+            "0 makes every pair of it free of friction.",
+        ),
+    ],
+};
+
 // The active side ------------------------------------------------------------------------------
+
+const fn key_ring_rest() -> Key {
+    key(
+        "ring_rest_offset_m",
+        Shape::Number(Range::positive(2.0)),
+        "0.3",
+        "Distance along +X3 from the mounting plane `e3` to the ring's centre circle, the ring at rest.",
+        "Origin of `r3` at rest, and part of the docked length. The joint of the URDF's link `ring` \
+             must stand there.",
+    )
+}
 
 pub(super) const ACTIVE: &[Group] = &[
     Group {
         tables: &[table("", Required, "The file itself.")],
-        keys: &[SCHEMA, kind(&["mechanism_active"], "\"mechanism_active\"")],
+        keys: &[
+            SCHEMA,
+            kind(&["mechanism_active"], "\"mechanism_active\""),
+            key(
+                "captured_when",
+                Shape::Text("`all`, `any`, or names of latches with commas between them, all of which must hold"),
+                "\"all\"",
+                "Which of the latches in [[latch]] must have caught for a capture.",
+                "A capture is an outcome; attenuation then goes over to its damping after capture.",
+            )
+            .only("[[latch]] is there"),
+        ],
     },
     Group {
         tables: &[table("placement", Required, "Where the ring stands.")],
-        keys: &[key(
-            "ring_rest_offset_m",
-            Shape::Number(Range::positive(2.0)),
-            "0.3",
-            "Distance along +X3 from the mounting plane `e3` to the ring's centre circle, the ring at rest.",
-            "Origin of `r3` at rest, and part of the docked length. The joint of the URDF's link `ring` \
-             must stand there.",
-        )],
+        keys: &[key_ring_rest(), REFERENCE_RADIUS],
     },
     RING,
     PETALS,
+    SURFACES,
     Group {
         tables: &[table(
             "ring_body",
@@ -429,6 +598,7 @@ pub(super) const ACTIVE: &[Group] = &[
         keys: TRANSLATION,
     },
     LATCHES,
+    OWN_LATCHES,
     STICK,
     LIMITS,
     OUTCOME,
@@ -842,6 +1012,95 @@ const LATCHES: Group = Group {
     ],
 };
 
+const OWN_LATCHES: Group = Group {
+    tables: &[any_number(
+        "latch",
+        "the three latches of [latches], or none",
+        "Latches with places and zones of their own, at most 12, instead of [latches]. The gap of a latch is its striker less \
+         itself in `r3`: along X, and across X. A caught latch pulls along X of `r3`; from capture on each caught latch \
+         holds its striker in every direction, beginning with the force of that instant, and contact goes on.",
+    )],
+    keys: &[
+        key(
+            "name",
+            Shape::Text("text, unlike that of any other latch"),
+            "\"socket\"",
+            "Name by which `captured_when` means it.",
+            "Recorded signals count latches in the order of the file.",
+        ),
+        key(
+            "latch_m",
+            Shape::List(3, Range::within(-10.0, 10.0)),
+            "[0.4, 0.0, 0.0]",
+            "Place of the latch in `r3`.",
+            "Its forces act at the striker, in the axes of `r3`.",
+        ),
+        key(
+            "striker_m",
+            Shape::List(3, Range::within(-10.0, 10.0)),
+            "[-0.4, 0.0, 0.0]",
+            "Place of its striker in `r4`, whose +X points toward the active side.",
+            "Where it meets the latch the gap is zero.",
+        ),
+        key(
+            "approach_gap_m",
+            Shape::Number(LENGTH),
+            "0.05",
+            "Gap along X below which it counts as approached, in a zone four times as wide.",
+            "Only an event in the record. At least `strike_gap_m`.",
+        ),
+        key(
+            "strike_gap_m",
+            Shape::Number(LENGTH),
+            "0.006",
+            "Gap along X below which it is struck.",
+            "Only an event in the record. At least `catch_gap_m`.",
+        ),
+        key(
+            "catch_gap_m",
+            Shape::Number(LENGTH),
+            "0.003",
+            "Gap along X at or below which it catches.",
+            "Larger captures sooner.",
+        ),
+        key(
+            "lateral_zone_m",
+            Shape::Number(LENGTH),
+            "0.01",
+            "Radius of the zone across X in which it is struck and catches.",
+            "How far off centre it still catches.",
+        ),
+        key(
+            "angle_zone_deg",
+            Shape::Number(Range::positive(180.0)),
+            "20.0",
+            "Largest angle between X of `r3` and X of `e4` at which it is struck and catches.",
+            "How far out of line it still catches.",
+        ),
+        key(
+            "hold_stiffness_n_m",
+            Shape::Number(STIFFNESS),
+            "1000000.0",
+            "Tension stiffness of the caught latch beyond the catch gap.",
+            "What holds before capture.",
+        ),
+        key(
+            "joined_stiffness_n_m",
+            Shape::Number(STIFFNESS),
+            "1000000.0",
+            "Stiffness of the striker in the latch in every direction from capture on.",
+            "Larger needs smaller steps.",
+        ),
+        key(
+            "joined_damping_n_s_m",
+            Shape::Number(Range::within(0.0, 1e8)),
+            "1500.0",
+            "Damping of the same.",
+            "0 lets it swing.",
+        ),
+    ],
+};
+
 const STICK: Group = Group {
     tables: &[table(
         "stick",
@@ -909,10 +1168,11 @@ const LIMITS: Group = Group {
         key("bending_nm", Shape::Number(LOAD), "2800.0", "Moment across X4.", "As compression."),
         key(
             "depth_m",
-            Shape::Number(Range::positive(0.04)),
+            Shape::Number(Range::positive(10.0)),
             "0.04",
-            "Deepest contact.",
-            "Beyond 40 mm the surfaces' normals are not to be believed.",
+            "Deepest contact; at most 0.04 where a side has a ring or petals, and below the rounding of both surfaces of every \
+             listed pair together.",
+            "Beyond 40 mm the normals of rings and petals are not to be believed.",
         ),
         key(
             "overtravel_m",
@@ -968,15 +1228,19 @@ pub(super) const PASSIVE: &[Group] = &[
     },
     Group {
         tables: &[table("placement", Required, "Where the ring stands.")],
-        keys: &[key(
-            "passive_ring_offset_m",
-            Shape::Number(Range::within(0.0, 2.0)),
-            "0.1",
-            "Distance along −X4 from the mounting plane `e4` to the ring's centre circle.",
-            "Origin of `r4`, and part of the docked length. The joint of the URDF's link `ring` must stand \
+        keys: &[
+            REFERENCE_RADIUS,
+            key(
+                "passive_ring_offset_m",
+                Shape::Number(Range::within(0.0, 2.0)),
+                "0.1",
+                "Distance along −X4 from the mounting plane `e4` to the ring's centre circle.",
+                "Origin of `r4`, and part of the docked length. The joint of the URDF's link `ring` must stand \
              there, turned by 180° about Z.",
-        )],
+            ),
+        ],
     },
     RING,
     PETALS,
+    SURFACES,
 ];

@@ -21,8 +21,8 @@ mod spacecraft;
 use std::path::Path;
 
 pub use explain::{Explained, UnknownKey, explained, without_indices};
-pub(crate) use mechanism::NORMAL_LAWS;
 pub use mechanism::contact_ranges;
+pub(crate) use mechanism::{NORMAL_LAWS, SURFACE_KINDS, SurfaceKind};
 pub use page::markdown;
 
 use crate::toml_check::{Checker, Range};
@@ -186,7 +186,7 @@ pub struct Heading {
     pub path: &'static str,
     /// Whether it must be there.
     pub need: Need,
-    /// How often a list of tables has it; `None` for a table that is no list.
+    /// How often a list of tables has it, 0 for any number; `None` for a table that is no list.
     pub times: Option<usize>,
     /// What it describes.
     pub meaning: &'static str,
@@ -198,6 +198,11 @@ const fn table(path: &'static str, need: Need, meaning: &'static str) -> Heading
 
 const fn tables(path: &'static str, times: usize, meaning: &'static str) -> Heading {
     Heading { path, need: Need::Required, times: Some(times), meaning }
+}
+
+/// A list of tables of any length, none included.
+const fn any_number(path: &'static str, otherwise: &'static str, meaning: &'static str) -> Heading {
+    Heading { path, need: Need::Optional(otherwise), times: Some(0), meaning }
 }
 
 /// Tables that have the same keys.

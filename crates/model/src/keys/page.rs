@@ -32,7 +32,11 @@ fn in_words(tables: &[Heading]) -> String {
 
 fn headings(tables: &[Heading], out: &mut String) {
     for h in tables {
-        let times = h.times.map_or_else(String::new, |n| format!(", {n} times"));
+        let times = match h.times {
+            None => String::new(),
+            Some(0) => ", any number of them".to_owned(),
+            Some(n) => format!(", {n} times"),
+        };
         let need = needed(h.need);
         let _ = match h.path {
             "" => writeln!(out, "**At the top of the file.**\n"),

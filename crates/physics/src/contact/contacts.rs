@@ -17,6 +17,8 @@ struct Place {
     pair: u8,
     touch: Touch,
     bristle: DVec3,
+    /// Friction of a pair of listed surfaces; `None` for the law's own.
+    friction: Option<f64>,
 }
 
 /// What [`super::Scene::measure`] found.
@@ -104,6 +106,21 @@ impl Contacts {
         neighbours: fn(usize, usize) -> bool,
     ) {
         self.push_apart(apart);
+        self.take(load, look, None, neighbours);
+    }
+
+    /// Adds what a pair of listed surfaces does; any two of its places may follow each other.
+    pub(crate) fn add_listed(&mut self, load: &Load, look: &Look<'_>, friction: f64) {
+        self.take(load, look, Some(friction), |_, _| true);
+    }
+
+    fn take(
+        &mut self,
+        load: &Load,
+        look: &Look<'_>,
+        friction: Option<f64>,
+        neighbours: fn(usize, usize) -> bool,
+    ) {
         if load.touches.is_empty() {
             return;
         }
@@ -126,7 +143,7 @@ impl Contacts {
             });
             let bristle = from.map_or(DVec3::ZERO, |k| k.bristle);
             let pair = u8::try_from(pair).unwrap_or(u8::MAX);
-            if self.places.try_push(Place { pair, touch: t, bristle }).is_err() {
+            if self.places.try_push(Place { pair, touch: t, bristle, friction }).is_err() {
                 return;
             }
         }
@@ -207,10 +224,18 @@ impl Contacts {
         // lever of the spread): a touch spread around a ring resists roll.
         let slip = v_rel - n * n.dot(v_rel) + n * (n.dot(w_rel) * t.spread_m);
         let normal_n = (t.rubbing_n + damping_n) * size;
-        let (rub, mut bristle_end) = law::friction(&self.law, normal_n, p.bristle, slip, h);
-        if normal_n <= 0.0 && law::rubs(&self.law) {
+        let own;
+        let law = match p.friction {
+            None => &self.law,
+            Some(friction) => {
+                own = self.law.of_pair(law::stiffness(&self.law.normal), friction);
+                &own
+            }
+        };
+        let (rub, mut bristle_end) = law::friction(law, normal_n, p.bristle, slip, h);
+        if normal_n <= 0.0 && law::rubs(law) {
             // Its neighbour carries the load, and may pass it on.
-            bristle_end = law::bristle(self.law.bristle_breakaway_m, p.bristle, slip, h).1;
+            bristle_end = law::bristle(law.bristle_breakaway_m, p.bristle, slip, h).1;
         }
         let twist = n.dot(rub);
         Loss {

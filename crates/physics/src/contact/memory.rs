@@ -5,12 +5,13 @@ use docktwin_core::{DVec3, Pose, StateHasher};
 
 use super::{
     cells::{CELLS, ELEMENTS},
-    pair::PAIRS,
+    pair::RING_AND_PETAL_PAIRS,
     search::{KeptProof, Rect, Start},
 };
 
-/// Pairs of surfaces a scene may have. More cost only room: 42 bytes a pair in every copy.
-pub(crate) const MOST_PAIRS: usize = PAIRS;
+/// Pairs of surfaces of which distances are remembered: those of rings and petals, 42 bytes a pair in every copy.
+/// The others are found anew each step.
+pub(crate) const MOST_PAIRS: usize = RING_AND_PETAL_PAIRS;
 /// Places with friction at a time. Where more touch, the last ones neither rub nor damp.
 pub(crate) const MOST_PLACES: usize = 24;
 /// Elements remembered for the search. What finds no room is sought anew each step.

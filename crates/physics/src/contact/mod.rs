@@ -12,8 +12,9 @@ mod memory;
 mod pair;
 mod scene;
 mod search;
+mod shapes;
 
 pub use contacts::{ContactEnergy, ContactSample, Contacts};
 pub use memory::ContactState;
-pub use pair::{PAIRS, SurfacePair};
+pub use pair::{PAIRS, RING_AND_PETAL_PAIRS, SurfacePair};
 pub use scene::{PetalGaps, Scene};

@@ -2,9 +2,12 @@
 
 /// Most petals a side may have.
 pub(crate) const MAX_PETALS: usize = 3;
-/// Numbers of pairs of surfaces: ring–ring, 3 active petals on the passive ring, 3 passive petals on the
+/// Numbers of pairs of rings and petals: ring–ring, 3 active petals on the passive ring, 3 passive petals on the
 /// active ring, 9 pairs of petals.
-pub const PAIRS: usize = 1 + 2 * MAX_PETALS + MAX_PETALS * MAX_PETALS;
+pub const RING_AND_PETAL_PAIRS: usize = 1 + 2 * MAX_PETALS + MAX_PETALS * MAX_PETALS;
+/// Most pairs of surfaces: after those of rings and petals the pairs of surfaces that the files list.
+pub const PAIRS: usize = docktwin_model::MOST_PAIRS;
+const _: () = assert!(RING_AND_PETAL_PAIRS == docktwin_model::RING_AND_PETAL_PAIRS);
 
 /// One pair of surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +20,8 @@ pub enum SurfacePair {
     RingPetal(usize),
     /// Active petal on passive petal.
     PetalPetal(usize, usize),
+    /// Listed surfaces, by the place in [`docktwin_model::DockingMechanism::surface_pairs`].
+    Listed(usize),
 }
 
 impl SurfacePair {
@@ -27,6 +32,7 @@ impl SurfacePair {
             0 => Self::RingRing,
             1..=3 => Self::PetalRing(i - 1),
             4..=6 => Self::RingPetal(i - 4),
+            RING_AND_PETAL_PAIRS.. => Self::Listed(i - RING_AND_PETAL_PAIRS),
             _ => Self::PetalPetal((i - 7) / MAX_PETALS, (i - 7) % MAX_PETALS),
         }
     }
@@ -39,6 +45,7 @@ impl SurfacePair {
             Self::PetalRing(i) => 1 + i,
             Self::RingPetal(i) => 4 + i,
             Self::PetalPetal(a, p) => 7 + MAX_PETALS * a + p,
+            Self::Listed(i) => RING_AND_PETAL_PAIRS + i,
         }
     }
 }
@@ -53,6 +60,8 @@ impl core::fmt::Display for SurfacePair {
             Self::PetalPetal(a, p) => {
                 write!(f, "active petal {} · passive petal {}'", a + 1, p + 1)
             }
+            // Their names stand in the files.
+            Self::Listed(i) => write!(f, "listed surfaces, pair {}", i + 1),
         }
     }
 }

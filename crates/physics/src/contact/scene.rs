@@ -13,8 +13,9 @@ use super::{
     law,
     look::{Frame, Look, MEETING_M},
     memory::{Apart, ContactState, PairMemory},
-    pair::{MAX_PETALS, PAIRS, SurfacePair},
+    pair::{MAX_PETALS, PAIRS, RING_AND_PETAL_PAIRS, SurfacePair},
     search::{Lift, OnCircle, OnSheet, Start, Stiffness, deepest, follow},
+    shapes::ShapePair,
 };
 
 mod gaps;
@@ -79,6 +80,7 @@ pub struct Scene {
     active: Side,
     passive: Side,
     pairs: Vec<SurfacePair>,
+    listed: Vec<ShapePair>,
     law: ContactLaw,
     table: RingTable,
     /// Farthest point of the passive side from its ring centre, m.
@@ -93,13 +95,19 @@ impl Scene {
         let passive = Side::new(&m.passive, &m.offsets.passive_petals_m);
         let (a, p) = (active.count(), passive.count());
         let petals = (0..a).flat_map(|i| (0..p).map(move |j| SurfacePair::PetalPetal(i, j)));
+        let (ring_a, ring_p) = (m.active.has_ring, m.passive.has_ring);
         let pairs = core::iter::once(SurfacePair::RingRing)
-            .chain((0..a).map(SurfacePair::PetalRing))
-            .chain((0..p).map(SurfacePair::RingPetal))
+            .filter(|_| ring_a && ring_p)
+            .chain((0..a).filter(|_| ring_p).map(SurfacePair::PetalRing))
+            .chain((0..p).filter(|_| ring_a).map(SurfacePair::RingPetal))
             .chain(petals)
             .collect();
+        let mut listed = ShapePair::all(m);
+        // A checked model has no more.
+        listed.truncate(PAIRS - RING_AND_PETAL_PAIRS);
         Self {
             reach: passive.reach(),
+            listed,
             active,
             passive,
             pairs,
@@ -154,6 +162,8 @@ impl Scene {
             let look = |first: Frame, sign: f64| Look { state, pair: number, first, sign };
             load.clear();
             match *pair {
+                // Not among these.
+                SurfacePair::Listed(_) => {}
                 SurfacePair::RingRing => {
                     self.ring_ring(&back, &mut memory, &mut load);
                     let apart = memory.apart;
@@ -182,6 +192,18 @@ impl Scene {
                     out.add(&load, &look, apart, petals_neighbour);
                 }
             }
+        }
+        self.measure_listed(&x, state, &mut load, out);
+    }
+
+    fn measure_listed(&self, x: &Frame, state: &ContactState, load: &mut Load, out: &mut Contacts) {
+        for (i, pair) in self.listed.iter().enumerate() {
+            load.clear();
+            pair.load(x, &self.table, load);
+            let sign = if pair.turned { -1.0 } else { 1.0 };
+            let number = SurfacePair::Listed(i).index();
+            let look = Look { state, pair: number, first: pair.first_frame(x), sign };
+            out.add_listed(load, &look, pair.friction);
         }
     }
 }

@@ -119,6 +119,7 @@ impl<'a> Brute<'a> {
                 let leaves = (self.leaf(a, i, weighed), self.leaf(p, j, weighed));
                 self.petals(leaves, x_rp, span)
             }
+            SurfacePair::Listed(_) => unreachable!("rings and petals only"),
         }
     }
 

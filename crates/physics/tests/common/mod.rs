@@ -109,6 +109,8 @@ pub fn petals() -> PetalGeometry {
 
 pub fn side(with_petals: bool) -> SideGeometry {
     SideGeometry {
+        has_ring: true,
+        surfaces: Vec::new(),
         ring: RingGeometry { mean_radius_m: 0.6, section_radius_m: 0.025, segments: 48 },
         petals: with_petals.then(petals),
     }
@@ -130,6 +132,8 @@ pub fn apas() -> DockingMechanism {
         contact: law(),
         attenuator: Attenuator::Characteristic(attenuator()),
         stick: None,
+        own_latches: Vec::new(),
+        captured_when: Default::default(),
         latches: Some(LatchSet {
             axes: LatchAxes::Active,
             azimuths_rad: [0.0, third, 2.0 * third],

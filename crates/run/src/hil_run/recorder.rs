@@ -25,7 +25,7 @@ use crate::{
     setup::masses,
     signals::{Instant, contact_rows, row},
     sink::{Header, Sink, TickView},
-    telemetry::{Watcher, hil_columns, loop_row},
+    telemetry::{Watcher, hil_columns_for, loop_row},
 };
 
 /// Takes the ticks of a loop in, and makes the record and the summary of them.
@@ -54,7 +54,7 @@ pub(crate) struct HilRecorder<'a, S> {
 impl<'a, S: Sink> HilRecorder<'a, S> {
     pub(crate) fn begin(run: &HilRun<'a>, mut sink: S, timed: bool) -> Result<Self, RunError> {
         let scenario = run.scenario;
-        let (columns, pair_names) = (hil_columns(), pair_names(scenario));
+        let (columns, pair_names) = (hil_columns_for(&scenario.mechanism), pair_names(scenario));
         let metadata = run.metadata();
         let (rig, kept) = run.kept()?;
         let (reference, bodies) = run.reference();

@@ -74,8 +74,8 @@ pub(crate) fn mechanism() -> DockingMechanism {
     DockingMechanism {
         stick: None,
         name: "made-up".into(),
-        active: SideGeometry { ring, petals: Some(petals) },
-        passive: SideGeometry { ring, petals: Some(petals) },
+        active: SideGeometry { has_ring: true, ring, petals: Some(petals), surfaces: Vec::new() },
+        passive: SideGeometry { has_ring: true, ring, petals: Some(petals), surfaces: Vec::new() },
         ring_body: RingBody {
             mass_kg: 39.1,
             inertia_kg_m2: DMat3::from_diagonal(DVec3::new(12.7, 6.4, 6.4)),
@@ -101,6 +101,8 @@ pub(crate) fn mechanism() -> DockingMechanism {
             channels: core::array::from_fn(|_| channel()),
             damping_ramp_s: 0.5,
         }),
+        own_latches: Vec::new(),
+        captured_when: Default::default(),
         latches: Some(LatchSet {
             axes: LatchAxes::Active,
             azimuths_rad: [30f64, 150.0, 270.0].map(f64::to_radians),

@@ -40,12 +40,12 @@ pub(crate) struct Elastic {
 }
 
 impl Elastic {
-    fn energy(&self, effective: f64) -> f64 {
+    pub(crate) fn energy(&self, effective: f64) -> f64 {
         law::stored_energy(&self.normal, law::stiffness(&self.normal), effective)
     }
 
     /// dΦ/dη, N.
-    fn force(&self, effective: f64) -> f64 {
+    pub(crate) fn force(&self, effective: f64) -> f64 {
         law::elastic_force(&self.normal, law::stiffness(&self.normal), effective)
     }
 }
@@ -107,7 +107,7 @@ impl Load {
         self.touches.clear();
     }
 
-    fn push(&mut self, point: DVec3, force: DVec3) {
+    pub(crate) fn push(&mut self, point: DVec3, force: DVec3) {
         self.force += force;
         self.moment += point.cross(force);
     }
@@ -119,7 +119,7 @@ impl Load {
 
     /// Scales what rubs so that together it is the net normal force: saddles do not rub, and what they
     /// take back does not either.
-    fn level_rubbing(&mut self, net_n: f64) {
+    pub(crate) fn level_rubbing(&mut self, net_n: f64) {
         let all: f64 = self.touches.iter().map(|t| t.rubbing_n).sum();
         let scale = if all > 0.0 { (net_n / all).clamp(0.0, 1.0) } else { 0.0 };
         for t in &mut self.touches {
@@ -131,7 +131,7 @@ impl Load {
 
 /// Of the force of a border between two cells, the part that is the first one's: the one that stands
 /// less above the border loses more of its friction, so that none jumps as two places become one.
-fn first_share(first: f64, second: f64, border: f64) -> f64 {
+pub(crate) fn first_share(first: f64, second: f64, border: f64) -> f64 {
     const EVEN_M: f64 = 1e-6;
     let (x, y) = ((first - border).max(0.0) + EVEN_M, (second - border).max(0.0) + EVEN_M);
     y / (x + y)

@@ -89,11 +89,19 @@ impl Scene {
         for pair in &self.pairs {
             out[pair.index()] = self.depth_of(*pair, x_rp, floor_m);
         }
+        for i in 0..self.listed.len() {
+            let pair = SurfacePair::Listed(i);
+            out[pair.index()] = self.depth_of(pair, x_rp, floor_m);
+        }
         out
     }
 
     fn depth_of(&self, pair: SurfacePair, x_rp: Pose, floor: f64) -> f64 {
         match pair {
+            SurfacePair::Listed(i) => {
+                let x = Frame::of(x_rp);
+                self.listed.get(i).map_or(f64::NAN, |pair| pair.depth(&x, &self.table))
+            }
             SurfacePair::RingRing => self.rings(&Frame::of(x_rp).inverse()).depth_m(),
             SurfacePair::PetalRing(i) | SurfacePair::RingPetal(i) => {
                 let active = matches!(pair, SurfacePair::PetalRing(_));
