@@ -52,6 +52,22 @@ fn channel() -> AxisChannel {
     }
 }
 
+fn latches() -> LatchSet {
+    LatchSet {
+        axes: LatchAxes::Active,
+        azimuths_rad: [30f64, 150.0, 270.0].map(f64::to_radians),
+        approach_gap_m: 0.05,
+        strike_gap_m: 0.01,
+        catch_gap_m: 0.003,
+        catch_delay_s: 0.0,
+        radial_zone_m: 0.01,
+        tangential_zone_m: 0.06,
+        hold_stiffness_n_m: 1e6,
+        joined_stiffness_n_m: 1e6,
+        joined_damping_n_s_m: 1500.0,
+    }
+}
+
 pub(crate) fn mechanism() -> DockingMechanism {
     let ring = RingGeometry { mean_radius_m: 0.600, section_radius_m: 0.025, segments: 48 };
     let petals = PetalGeometry {
@@ -103,19 +119,7 @@ pub(crate) fn mechanism() -> DockingMechanism {
         }),
         own_latches: Vec::new(),
         captured_when: Default::default(),
-        latches: Some(LatchSet {
-            axes: LatchAxes::Active,
-            azimuths_rad: [30f64, 150.0, 270.0].map(f64::to_radians),
-            approach_gap_m: 0.05,
-            strike_gap_m: 0.01,
-            catch_gap_m: 0.003,
-            catch_delay_s: 0.0,
-            radial_zone_m: 0.01,
-            tangential_zone_m: 0.06,
-            hold_stiffness_n_m: 1e6,
-            joined_stiffness_n_m: 1e6,
-            joined_damping_n_s_m: 1500.0,
-        }),
+        latches: Some(latches()),
         limits: MechanismLimits {
             tension_n: 3.9e3,
             compression_n: 6.5e3,
