@@ -5,7 +5,7 @@
 //! whatever the deflection. Rotations are measured by the rotation vector ψ; its rate is
 //! ψ' = J⁻¹(ψ) ω, so a moment that derives from V(ψ) is −J⁻ᵀ ∂V/∂ψ.
 //!
-//! Tables, damping and brake of a channel are one element; with play ([`play`]) the ring finds it only
+//! Tables, damping and brake of a channel are one element; with play (`play`) the ring finds it only
 //! after the width of the play.
 
 use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench, skew};
