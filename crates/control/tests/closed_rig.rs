@@ -8,7 +8,7 @@ use docktwin_control::{
     response::{Bench, Sweep},
     rig::{ClosedRig, RigSetup, SetupError},
 };
-use docktwin_core::{DVec3, Wrench};
+use docktwin_core::{DVec3, Twist, Wrench};
 use docktwin_model::{HydraulicPreset, Rig, load_rig};
 
 const CORNER: [f64; 6] = [-1.0, 1.0, -1.0, 1.0, 1.0, -1.0];
@@ -205,4 +205,29 @@ fn invariant_impossible_settings_are_refused() {
     setup.dead_time_s = f64::NAN;
     let refused = ClosedRig::new(&setup, &rig.middle()).map(|_| ());
     assert!(matches!(refused, Err(SetupError::DeadTime { .. })), "{refused:?}");
+}
+
+/// Legs without dynamics: the plate stands where the command of two ticks ago wanted it, whatever pushes.
+#[test]
+fn oracle_exact_legs_go_where_they_are_commanded() {
+    let rig = file();
+    let setup = RigSetup::of_rig(&rig, HydraulicPreset::Printed, None);
+    let feedforward = setup.feedforward();
+    let start = rig.docking.pose([0.0; 6]);
+    let x_bp = rig.plate_from_docking(&start);
+    let mut exact = ClosedRig::new(&setup, &x_bp).unwrap().exact();
+    let push = |_: &docktwin_core::Pose, _: &Twist| Wrench { f: DVec3::splat(2e4), m: DVec3::ZERO };
+    // 0.2 m/s² along Z from rest; a command says where the plate is to be at its arrival, 2 ms on.
+    let at = |t: f64| 0.1 * t * t;
+    for k in 0..400 {
+        let t = f64::from(k) * 1e-3 + 2e-3;
+        let mut motion = PlateMotion::rest(x_bp);
+        motion.x_bp.p.z += at(t);
+        motion.twist.v.z = 0.2 * t;
+        motion.acceleration.v.z = 0.2;
+        let m = exact.tick(&feedforward.command(&motion).unwrap(), push).unwrap();
+        let off = m.x_bp.p - x_bp.p - DVec3::Z * at(f64::from(k + 1) * 1e-3);
+        // The first commands are not yet there.
+        assert!(k < 4 || off.length() < 1e-9, "{k}: {off}");
+    }
 }

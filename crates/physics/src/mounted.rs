@@ -440,10 +440,10 @@ mod tests {
     const STEP_S: f64 = 1.25e-4;
 
     /// The mechanism on the default rig with this balance, its axial channel a spring alone, the plate far.
-    fn on_springs(offload: Offload) -> (Mounted, Pose) {
+    fn on_springs(offload: Option<Offload>, chaser: &str) -> (Mounted, Pose) {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf");
         let file = |name: &str| folder.join(name);
-        let [chaser, target] = ["chaser_8t.urdf", "target_12t.urdf"]
+        let [chaser, target] = [chaser, "target_12t.urdf"]
             .map(|name| load_spacecraft(&file(name)).expect("shipped").model);
         let sides = (file("apas_active.urdf"), file("apas_passive.urdf"));
         let mut mechanism = load_mechanism(&sides.0, &sides.1, None).expect("shipped").model;
@@ -451,7 +451,7 @@ mod tests {
         a.axial.dry_friction = 0.0;
         a.axial.damping.before_capture = 0.0;
         let mut rig = load_rig(&file("stewart.urdf")).expect("shipped").model;
-        rig.offload = Some(offload);
+        rig.offload = offload;
         let far = rig.plate_from_docking(&rig.docking.pose([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
         (Mounted::new(System::new(&chaser, &target, mechanism), &rig, STEP_S), far)
     }
@@ -462,13 +462,16 @@ mod tests {
     fn oracle_the_added_mass_swings_with_the_ring() {
         let (k, m, kh) = (3e5, 39.1, 2e6);
         for added in [0.0, 10.0, 40.0] {
-            let (mut mounted, plate) = on_springs(Offload {
-                share: 0.5,
-                friction_n: 0.0,
-                added_mass_kg: added,
-                stiffness_n_m: kh,
-                damping_ratio: 0.0,
-            });
+            let (mut mounted, plate) = on_springs(
+                Some(Offload {
+                    share: 0.5,
+                    friction_n: 0.0,
+                    added_mass_kg: added,
+                    stiffness_n_m: kh,
+                    damping_ratio: 0.0,
+                }),
+                "chaser_8t.urdf",
+            );
             let rest = mounted.ring_deflection().0.x;
             let w = if added == 0.0 {
                 k / m
@@ -497,6 +500,38 @@ mod tests {
             let expected = w.sqrt() / TAU;
             // The leapfrog is faster by (ω h)²/24, below 1e-5.
             assert!((found - expected).abs() < 1e-4 * expected, "{added} kg: {found} {expected}");
+        }
+    }
+
+    /// On a chaser that gives way the ring swings with the reduced mass: ω² = k (1/m + 1/M), on a rack that stands
+    /// still with k/m. With 575 kg that is 3.3 % of the frequency.
+    #[test]
+    fn oracle_a_rack_that_gives_way_leaves_the_reduced_mass() {
+        let (k, m) = (3e5, 39.1);
+        for yields in [false, true] {
+            let (mut mounted, plate) = on_springs(None, "light_575kg.urdf");
+            let chaser = mounted.system().mass()[CHASER].mass();
+            if yields {
+                mounted.carry_along();
+            }
+            let rest = mounted.ring_deflection().0.x;
+            mounted.ring.v.x = 0.02;
+            let x: Vec<f64> = (0..40_000)
+                .map(|_| {
+                    mounted.advance(&plate, &Twist::default());
+                    mounted.ring_deflection().0.x - rest
+                })
+                .collect();
+            let ups: Vec<f64> = x
+                .windows(2)
+                .enumerate()
+                .filter(|(_, w)| w[0] < 0.0 && w[1] >= 0.0)
+                .map(|(i, w)| (i as f64 - w[0] / (w[1] - w[0])) * STEP_S)
+                .collect();
+            let found = (ups.len() - 1) as f64 / (ups[ups.len() - 1] - ups[0]);
+            let expected = (k * (1.0 / m + if yields { 1.0 / chaser } else { 0.0 })).sqrt() / TAU;
+            // The acceleration is that of the step before; the leapfrog is faster by (ω h)²/24.
+            assert!((found / expected - 1.0).abs() < 3e-4, "{yields}: {found} {expected} Hz");
         }
     }
 }

@@ -4,6 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use docktwin_report::study::fidelity as report;
+use docktwin_run::HilRun;
 use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_study::fidelity::{
     Cause, budget,
@@ -115,6 +116,10 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
         .iter()
         .map(|path| load_scenario(path, &set))
         .collect::<Result<Vec<_>, _>>()?;
+    // Before the first run, so that a later scenario that the rig cannot run costs no figures.
+    for scenario in &all {
+        HilRun::new(scenario, options.clone())?;
+    }
     let mut results = Results::new(args.out.as_deref(), "fidelity")?;
     let removed: Vec<Cause> = args.without.iter().flat_map(|c| c.0.iter().copied()).collect();
     if args.budget || !removed.is_empty() {
