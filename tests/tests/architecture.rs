@@ -63,7 +63,7 @@ const NEVER: [(&str, &[&str], &[&str]); 9] = [
 const ONLY: [(&str, &[&str]); 5] = [
     ("rapier*", &["docktwin-twin"]),
     ("re_*", &["docktwin-view"]),
-    ("parry*", &[]),
+    ("parry*", &["docktwin-physics"]),
     ("crossterm", &["docktwin-pilot"]),
     ("evdev", &["docktwin-pilot"]),
 ];

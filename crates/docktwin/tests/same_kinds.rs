@@ -253,10 +253,9 @@ fn regress_what_decides_outcomes_is_stated() {
         let text = words(&["scenario", "explain", key]);
         assert!(text.contains(says), "{key}: {text}");
     }
-    for (key, says) in [
-        ("latches.azimuths_deg", "in the axes of the active ring"),
-        ("petals.base_half_angle_deg", "straight"),
-    ] {
+    for (key, says) in
+        [("latches.axes", "those of the active ring"), ("petals.base_half_angle_deg", "straight")]
+    {
         let text = words(&["model", "explain", key]);
         assert!(text.contains(says), "{key}: {text}");
     }

@@ -8,7 +8,9 @@ use docktwin_core::{DMat3, DVec3, Pose, Wrench};
 use docktwin_model::Rig as RigModel;
 use docktwin_rigport::{
     guard::{Guard, GuardLimits},
-    message::{Capabilities, Flags, LEGS, RigCommand, RigMeasurement, RigMode, attitude, six},
+    message::{
+        Capabilities, Flags, LARGEST, LEGS, RigCommand, RigMeasurement, RigMode, attitude, six,
+    },
 };
 
 use crate::clock::Clock;
@@ -121,8 +123,8 @@ pub(crate) fn guard(
         GuardLimits::LEG_SPEED,
         capabilities.intersects(Capabilities::LEG_COMMAND | Capabilities::LEG_SPEED),
     );
-    // A limit that there is none of is none of the message either, whose numbers are finite.
-    let most = |limit: f64| (GUARD_MARGIN * limit).min(f64::MAX);
+    // A limit that there is none of is none of the message either, whose numbers are bounded.
+    let most = |limit: f64| (GUARD_MARGIN * limit).min(LARGEST);
     Guard {
         limits: set,
         reference: [reference_a.unwrap_or_default(), Wrench::ZERO],

@@ -46,6 +46,7 @@ mod spacecraft;
 mod spacecraft_check;
 mod surface;
 mod surface_form;
+mod surface_pairs;
 mod text;
 pub mod toml_check;
 mod urdf;
@@ -74,9 +75,9 @@ pub use sources::Sources;
 pub use spacecraft::{Spacecraft, SpacecraftHull};
 pub use surface::{
     CapturedWhen, Latch, MOST_LATCHES, MOST_PAIRS, RING_AND_PETAL_PAIRS, Surface, SurfaceCore,
-    SurfacePairing,
 };
 pub use surface_form::SurfaceGrid;
+pub use surface_pairs::SurfacePairing;
 pub use urdf::named_meshes;
 
 #[cfg(test)]

@@ -129,7 +129,7 @@ fn singular(rig: &Rig, f: &mut Finder<'_>) -> bool {
                  is a motion of the plate that changes no leg's length",
                 middle.0
             ),
-            "turn the plate's joint triangle against the base's",
+            "turn the plate's joint triangle by 60 deg against the base's, the two legs of a corner to different corners",
         );
         return false;
     }

@@ -169,21 +169,26 @@ fn invariant_every_key_is_read_and_none_beside() {
 
 #[test]
 fn regress_a_key_in_the_wrong_table_is_sent_to_the_right_one() {
-    let remedy = |to: &str, key: &str| {
-        let report = Apas::with(&[("[limits]\n", to)]).check();
+    let remedy = |given: &str, to: &str, key: &str| {
+        let report = Apas::with(&[("[limits]\n", to), ("friction_kinetic =", given)]).check();
         let found = report.problems.iter().find(|p| p.key == key);
         found.unwrap_or_else(|| panic!("no {key} among {:?}", report.refused)).remedy.clone()
     };
     let number = "{ value = 0.1, assumed = \"a test\" }";
     // In another table, misspelt in its own, and unlike anything.
-    for (name, meant) in [
-        ("friction_kinetic", "did you mean `contact.friction_kinetic`?"),
-        ("tension", "did you mean `tension_n`?"),
-        ("zzzzzzzzzz", "remove it"),
+    let (there, gone) = ("friction_kinetic =", "# friction_kinetic =");
+    for (given, name, meant) in [
+        (gone, "friction_kinetic", "did you mean `contact.friction_kinetic`?"),
+        (there, "friction_kinetic", "remove it: `contact.friction_kinetic` is given already"),
+        // A key with the right name is there too.
+        (there, "tension", "remove it"),
+        (there, "zzzzzzzzzz", "remove it"),
     ] {
         let to = format!("[limits]\n{name} = {number}\n");
-        assert_eq!(remedy(&to, &format!("limits.{name}")), meant);
+        assert_eq!(remedy(given, &to, &format!("limits.{name}")), meant);
     }
+    let misspelt = remedy("friction_kinetik =", "[limits]\n", "contact.friction_kinetik");
+    assert_eq!(misspelt, "did you mean `friction_kinetic`?");
 }
 
 /// Whether the loader takes the example of a key.

@@ -288,7 +288,7 @@ struct Rows {
     legs: Legs,
     latches: Points,
     latch_states: [Texts; 3],
-    contacts: [ContactRows; 4],
+    contacts: [ContactRows; PairClass::ALL.len()],
     peaks: Arrows,
     labels: Labels,
     face_labels: Labels,

@@ -14,7 +14,7 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
     (
         &[
             "move them apart, at least 0.02 m",
-            "turn the plate's joint triangle against the base's",
+            "turn the plate's joint triangle by 60 deg against the base's, the two legs of a corner to different corners",
             "exchange their plate joints, or move the joints apart",
         ],
         Test("crates/model/src/tests.rs", "regress_impossible_rigs_are_refused_by_geometry"),
@@ -224,6 +224,16 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
         ],
         Nowhere(
             "they take minutes of computing to be asked for and to be obeyed, or the parser asks before",
+        ),
+    ),
+    (
+        &[
+            "add one, models/urdf/apas_active.toml is an example; or leave --mechanism-draw out",
+            "give --mechanism-draw N with N from 1 on, or leave the grade out",
+            "leave one of them out",
+        ],
+        Nowhere(
+            "an option to leave out, or a table to copy from a shipped file: nothing is left to be looked at",
         ),
     ),
 ];

@@ -31,7 +31,7 @@ fn case(remedy: &'static str, broken: &[Edit], mends: &[&[Edit]]) -> Case {
 }
 
 /// Short names of shipped files.
-const SHIPPED: [(&str, &str); 13] = [
+const SHIPPED: [(&str, &str); 15] = [
     ("chaser.urdf", "models/urdf/chaser_8t.urdf"),
     ("chaser.toml", "models/urdf/chaser_8t.toml"),
     ("active.urdf", "models/urdf/apas_active.urdf"),
@@ -41,6 +41,8 @@ const SHIPPED: [(&str, &str); 13] = [
     ("bare.toml", "models/urdf/ring_active.toml"),
     ("bare_passive.toml", "models/urdf/ring_passive.toml"),
     ("stick.toml", "models/urdf/stick_active.toml"),
+    ("probe.toml", "models/urdf/probe_active.toml"),
+    ("drogue.toml", "models/urdf/probe_passive.toml"),
     ("rig.urdf", "models/urdf/stewart.urdf"),
     ("rig.toml", "models/urdf/stewart.toml"),
     ("scenario", "scenarios/apas_nominal.toml"),
@@ -101,6 +103,7 @@ fn problems(files: &Files, file: &str) -> Vec<Problem> {
         Some("active" | "passive") => mechanism("apas"),
         Some("bare" | "bare_passive") => mechanism("ring"),
         Some("stick") => mechanism("stick"),
+        Some("probe" | "drogue") => mechanism("probe"),
         Some("rig") => load_rig_from(&sources, &model("stewart")).map(drop),
         _ => {
             let loaded = Loader::new().sources(sources).load(&place(path_of(file)));
@@ -177,6 +180,7 @@ pub(crate) fn cases() -> Vec<Case> {
     out.extend(mechanism_parts());
     out.extend(attenuation());
     out.extend(both_sides());
+    out.extend(surfaces());
     out.extend(rig_files());
     out.extend(rig_geometry());
     out.extend(scenario());
@@ -592,6 +596,92 @@ fn both_sides() -> Vec<Case> {
 }
 
 #[expect(clippy::too_many_lines, reason = "a table of inputs")]
+/// Surfaces listed by file, and latches of their own.
+fn surfaces() -> Vec<Case> {
+    const P: &str = "probe.toml";
+    const D: &str = "drogue.toml";
+    let number = |x: &str| format!("{{ value = {x}, assumed = \"a test\" }}");
+    let surface = |name: &str, kind: &str, more: &str| {
+        format!(
+            "[[surface]]\nname = \"{name}\"\nkind = \"{kind}\"\nlink = \"ring\"\nposition_m = {0}\nrpy_deg = {0}\n\
+             rounding_m = {1}\nstiffness_n_m = {2}\nfriction = {1}\n{more}\n",
+            number("[0.0, 0.0, 0.0]"),
+            number("0.1"),
+            number("1e6"),
+        )
+    };
+    let before = |what: &str| kept(format!("{what}[ring_body]"));
+    let points = |n: usize| {
+        let each = |i: usize| format!("[0.0, {:.4}, {:.4}]", (i as f64).sin(), (i as f64).cos());
+        let all: Vec<String> = (0..n).map(each).collect();
+        format!("points_m = {}", number(&format!("[{}]", all.join(", "))))
+    };
+    let hull = before(&surface("hull", "hull", &points(65)));
+    let torus = before(&surface("torus", "torus", &format!("core_radius_m = {}", number("0.05"))));
+    let balls: String = (0..47).map(|i| surface(&format!("ball_{i}"), "sphere", "")).collect();
+    let latch = part(P, "[[latch]]", "\n\n");
+    let again = kept(format!("{latch}\n\n{latch}"));
+    let many: String =
+        (0..13).map(|i| latch.replace("\"socket\"", &format!("\"socket_{i}\"")) + "\n\n").collect();
+    let latches = part("active.toml", "[latches]", "\n\n");
+    let both = kept(format!("{latches}\n\n{latch}"));
+    let boxed = "kind = \"box\"\nlink = \"head\"\nsize_m = { value = [0.01, 0.01, 0.01], assumed = \"a test\" }";
+    let drogue = part(D, "[[surface]]", "no such text");
+    vec![
+        undo("choose another name", &[(P, "name = \"stem\"", "name = \"probe_head\"")]),
+        undo("choose another name", &[(P, latch, again)]),
+        undo("make the section thinner than the circle", &[(P, "[ring_body]", torus)]),
+        undo(
+            "leave out points inside the hull, or make two surfaces of it",
+            &[(P, "[ring_body]", hull)],
+        ),
+        undo(
+            "leave points out, or make two surfaces of it",
+            &[(
+                D,
+                "  [0.08, 0.06],",
+                "  [0.01, 0.06],\n  [0.02, 0.06],\n  [0.03, 0.06],\n  [0.08, 0.06],",
+            )],
+        ),
+        undo(
+            "points are (x, radius), the radius 0 on the axis and else above",
+            &[(D, "[0.08, 0.06]", "[0.08, -0.06]")],
+        ),
+        undo("take one of them out", &[(D, "  [0.08, 0.06],", "  [0.0, 0.06],\n  [0.08, 0.06],")]),
+        undo("leave some out", &[(P, latch, kept(many))]),
+        undo("keep one of both", &[(P, latch, both)]),
+        undo(
+            "write `all`, `any`, or names of latches with commas between them",
+            &[(P, "captured_when = \"all\"", "captured_when = \"hook\"")],
+        ),
+        undo("name one of {}", &[(D, "link = \"drogue\"", "link = \"nowhere\"")]),
+        undo("name `ring` or a link fixed to it", &[(P, "link = \"head\"", "link = \"mount\"")]),
+        undo(
+            "make one of them of another kind (spheres and capsules touch every kind), take one out, or \
+             place it out of reach",
+            &[(P, "kind = \"sphere\"\nlink = \"head\"", boxed)],
+        ),
+        undo(
+            "make it smaller, or the rounding of one of them larger",
+            &[(P, "depth_m = { value = 0.02", "depth_m = { value = 0.035")],
+        ),
+        case(
+            "make it 0.04 m or less",
+            &[("bare.toml", "depth_m = { value = 0.04", "depth_m = { value = 0.05")],
+            &[&[("bare.toml", "depth_m = { value = 0.05", "depth_m = { value = 0.04")]],
+        ),
+        undo(
+            "take surfaces out, or make one hull of several",
+            &[(P, "[ring_body]", before(&balls))],
+        ),
+        undo("add [ring] or a [[surface]]", &[(D, drogue, "# no surface\n")]),
+        undo(
+            "add [ring], or take [petals] out",
+            &[("passive.toml", part("passive.toml", "[ring]", "\n\n"), "# no ring")],
+        ),
+    ]
+}
+
 fn rig_files() -> Vec<Case> {
     const T: &str = "rig.toml";
     const U: &str = "rig.urdf";
@@ -818,6 +908,12 @@ fn scenario() -> Vec<Case> {
             .map(|more| kept(format!("{thrust}{more}[expect]")));
     let late = "[loop]\ncompensator = \"none\"\nlead_s = 0.01\n[expect]";
     let bound = "capture_before_s = 15.0";
+    let bounds = part(S, "[[expect.fidelity]]", "no such text");
+    let to_capture =
+        "[[expect.fidelity]]\nof = \"felt\"\nwindow = \"to_capture\"\nnrms_pose_below = 0.1\n";
+    let nothing_bound = "[[expect.fidelity]]\nof = \"felt\"\nwindow = \"to_capture\"\n";
+    let twice = kept(format!("{to_capture}{nothing_bound}nrms_force_below = 0.1\n"));
+    let once = kept(format!("{to_capture}nrms_force_below = 0.1\n"));
     vec![
         undo("change the name", &[(S, "name = \"apas_nominal\"", "name = \"../nominal\"")]),
         undo("add `schema = 1`", &[(S, "schema = 1\n", "")]),
@@ -860,7 +956,26 @@ fn scenario() -> Vec<Case> {
             &[&[(S, nothing, pushes)], &[(S, nothing, "[expect]")]],
         ),
         case("remove it", &[(S, "[expect]", until)], &[&[(S, "until_capture = true\n", "")]]),
-        case("remove it", &[(S, "\"captured\"", "\"missed\"")], &[&[(S, bound, "")]]),
+        case(
+            "remove it",
+            &[(S, "\"captured\"", "\"missed\""), (S, bounds, "")],
+            &[&[(S, bound, "")]],
+        ),
+        case(
+            "take `whole_run`",
+            &[(S, "\"captured\"", "\"missed\""), (S, bound, ""), (S, bounds, to_capture)],
+            &[&[(S, "\"to_capture\"", "\"whole_run\"")]],
+        ),
+        case(
+            "add a bound, such as nrms_force_below = 0.06, or remove the table",
+            &[(S, bounds, nothing_bound)],
+            &[&[(S, nothing_bound, bounds)], &[(S, nothing_bound, "")]],
+        ),
+        case(
+            "put all bounds of one comparison and window into one table",
+            &[(S, bounds, twice)],
+            &[&[(S, twice, once)]],
+        ),
         case(
             "make it larger",
             &[(S, bound, "capture_after_s = 5.0\ncapture_before_s = 1.0")],

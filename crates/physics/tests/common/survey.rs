@@ -2,9 +2,9 @@
 #![allow(dead_code, unreachable_pub, reason = "every test file uses its own part")]
 
 use docktwin_core::{DQuat, DVec3, Pose, Twist};
-use docktwin_model::DockingMechanism;
+use docktwin_model::{DockingMechanism, RING_AND_PETAL_PAIRS};
 use docktwin_physics::{
-    contact::{ContactState, PAIRS, Scene, SurfacePair},
+    contact::{ContactState, Scene, SurfacePair},
     mechanism::System,
     reduced::{DockingState, Inputs},
 };
@@ -57,7 +57,7 @@ pub fn continuity(m: &DockingMechanism, region: &Region, count: u64, first: u64)
         for _ in 0..50 {
             let (y, moved) = draws.step(x, 1e-4, REACH_M);
             let now = scene.depths(y, -5e-3);
-            for i in 0..PAIRS {
+            for i in 0..RING_AND_PETAL_PAIRS {
                 // Below the floor there are bounds only.
                 if now[i].min(last[i]) > -5e-3 {
                     tally.add((now[i] - last[i]).abs() - moved, 1e-6);
@@ -112,7 +112,7 @@ fn gradient_error(scene: &Scene, x: Pose) -> f64 {
 }
 
 fn pairs() -> impl Iterator<Item = SurfacePair> {
-    (0..PAIRS).map(SurfacePair::from_index)
+    (0..RING_AND_PETAL_PAIRS).map(SurfacePair::from_index)
 }
 
 /// Depth of every pair that nearly touches against brute force, m: ≤ 1 µm.
