@@ -67,8 +67,8 @@ impl DockingMechanism {
     }
 
     /// Every pair with one of the listed surfaces in it that may touch, in the order of the files: pair
-    /// [`RING_AND_PETAL_PAIRS`] of the record is the first. A ring counts as a torus; two rings and petals are
-    /// not among them.
+    /// [`RING_AND_PETAL_PAIRS`](crate::surface::RING_AND_PETAL_PAIRS) of the record is the first. A ring
+    /// counts as a torus; two rings and petals are not among them.
     #[must_use]
     pub fn surface_pairs(&self) -> Vec<SurfacePairing> {
         let exponent = match self.contact.normal {

@@ -595,8 +595,8 @@ fn both_sides() -> Vec<Case> {
     ]
 }
 
-#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 /// Surfaces listed by file, and latches of their own.
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn surfaces() -> Vec<Case> {
     const P: &str = "probe.toml";
     const D: &str = "drogue.toml";
@@ -682,6 +682,7 @@ fn surfaces() -> Vec<Case> {
     ]
 }
 
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn rig_files() -> Vec<Case> {
     const T: &str = "rig.toml";
     const U: &str = "rig.urdf";
