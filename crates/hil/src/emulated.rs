@@ -4,6 +4,7 @@
 //! With a seed it is a rig as built, drawn within the spread of its file; the loop still believes the
 //! file. So may be the mechanism on it, and where it is mounted ([`Article`]). Everything is a function of the seed and the commands, so two runs are the same bit by bit.
 
+use crate::pushed::Pushed;
 use docktwin_control::{
     feedforward::{self, Feedforward, LegCommand, PlateMotion},
     planner::Move,
@@ -97,6 +98,8 @@ pub struct EmulatedRig<P = ReducedRig> {
     standing: Rig,
     article: Article,
     mounted: Mounted,
+    /// Control wrench on the chaser, where the rack gives way as the chaser does.
+    pushed: Pushed,
     touched: bool,
     sensors: [Sensor; 2],
     accelerometer: Option<Sensor>,
@@ -199,6 +202,7 @@ impl<P: RigPlant> EmulatedRig<P> {
             time_s: 0.0,
             closed,
             mounted,
+            pushed: Pushed::default(),
         })
     }
 
@@ -225,10 +229,12 @@ impl<P: RigPlant> EmulatedRig<P> {
         self
     }
 
-    /// The same rig with a ring that feels its chaser give way ([`Mounted::carry_along`]).
+    /// The same rig with a ring that feels its chaser give way to the mechanism and to the control wrench `pushed`
+    /// ([`Mounted::carry_along`]).
     #[must_use]
-    pub const fn with_yielding_rack(mut self) -> Self {
+    pub fn with_yielding_rack(mut self, pushed: Pushed) -> Self {
         self.mounted.carry_along();
+        self.pushed = pushed;
         self
     }
 
@@ -350,6 +356,7 @@ impl<P: RigPlant> EmulatedRig<P> {
                 &held
             }
         };
+        self.mounted.push(self.pushed.get());
         let Self { closed, article, mounted, sensors, accelerometer, carried, middle, .. } = self;
         let step_s = closed.plant().step_s();
         let done = closed.tick(command, |x_bp, twist| {

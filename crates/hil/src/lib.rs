@@ -68,5 +68,6 @@ pub mod histogram;
 pub mod ideal;
 pub mod identify;
 pub mod machine;
+pub mod pushed;
 pub mod realtime;
 pub mod scheduler;

@@ -160,6 +160,8 @@ pub struct Mounted {
     /// The ring moves as on a chaser that the mechanism accelerates; its acceleration in the last step, of its
     /// mass centre (m/s²) and angular (rad/s²), in `eb`. `None`: the rack stands still.
     carried_along: Option<Twist>,
+    /// Control wrench on the chaser about its mass centre, in its axes, N and N·m.
+    pushed: Wrench,
     /// Ring, mechanism and balance where weight and springs hold each other.
     rest: Option<(MechanismState, BodyState, Option<Hanger>)>,
 }
@@ -185,6 +187,7 @@ impl Mounted {
             steps: 0,
             open: false,
             carried_along: None,
+            pushed: Wrench::ZERO,
             rest: None,
         };
         out.reset();
@@ -215,6 +218,12 @@ impl Mounted {
     /// there to find the share of that cause. Terms of the chaser's rate are left out, 0.2 N in a docking.
     pub const fn carry_along(&mut self) {
         self.carried_along = Some(Twist { v: DVec3::ZERO, w: DVec3::ZERO });
+    }
+
+    /// The control wrench on the chaser from now on, about its mass centre, in its axes, N and N·m: it
+    /// accelerates a chaser that carries its ring along ([`Self::carry_along`]), and nothing else here.
+    pub const fn push(&mut self, wrench: Wrench) {
+        self.pushed = wrench;
     }
 
     /// What the ring feels of its chaser's acceleration, about its mass centre.
@@ -344,7 +353,7 @@ impl Mounted {
         }
         if let Some(chaser) = &mut self.carried_along {
             let q = self.x_wc.q;
-            let w = kick.wrench[CHASER];
+            let w = kick.wrench[CHASER] + self.pushed.rotated(q);
             let turning = q * (mass[CHASER].inertia().inverse() * (q.conjugate() * w.m));
             *chaser = Twist { v: w.f / mass[CHASER].mass(), w: turning };
         }

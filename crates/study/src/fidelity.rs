@@ -2,17 +2,22 @@
 //!
 //! A budget takes one cause of deviation after the other out of the rig's file, and puts each alone into a rig
 //! without any. What the loop believes follows the file, so a cause is removed from the rig and from its model
-//! alike. Drawn mechanisms: [`draws`]. The figures are those of `docktwin_run::fidelity`; nothing is defined here a second time.
+//! alike. Drawn mechanisms: [`draws`]; balances of other quality: [`offloads`]. The figures are those of `docktwin_run::fidelity`; nothing is defined here a second time.
 
+use docktwin_hil::pushed::Pushed;
 use docktwin_model::{Offload, Rig, SixAxisSensor};
+use docktwin_physics::reduced::Inputs;
 use docktwin_record::{Fidelity, FidelityFigures, FidelityOf, Outcome};
-use docktwin_run::{HilOptions, HilRun, RunError, SummaryOnly};
+use docktwin_run::{
+    Control as _, HilOptions, HilRun, RunError, Situation, SummaryOnly, TimedThrusts,
+};
 use docktwin_scenario::Scenario;
 use serde::{Deserialize, Serialize};
 
 use crate::Progress;
 
 pub mod draws;
+pub mod offloads;
 
 /// Something that makes a docking on the rig differ from the one in orbit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -199,21 +204,28 @@ pub fn on_rig(
     let run = HilRun::with_rig(&scenario, options.clone(), |rig| {
         removed.iter().for_each(|cause| cause.remove_from(rig));
     })?;
-    ended(run, removed)
+    ended(run, removed, &scenario)
 }
 
 /// Runs it to its end.
-fn ended(run: HilRun<'_>, removed: &[Cause]) -> Result<OnRig, RunError> {
+fn ended(run: HilRun<'_>, removed: &[Cause], scenario: &Scenario) -> Result<OnRig, RunError> {
+    let pushed = Pushed::default();
     let rig = run.emulated_with(|mut rig| {
         if removed.contains(&Cause::Legs) {
             rig = rig.with_exact_legs();
         }
         if removed.contains(&Cause::Rack) {
-            rig = rig.with_yielding_rack();
+            rig = rig.with_yielding_rack(pushed.clone());
         }
         rig
     })?;
-    let summary = run.run(rig, &mut SummaryOnly)?;
+    // The loop adds the thrusts to the bodies by itself; the rack is told here.
+    let mut thrusts = TimedThrusts::of(scenario);
+    let told = |now: &Situation| {
+        pushed.set(&thrusts.wrenches(now).chaser);
+        Inputs::default()
+    };
+    let summary = run.run_with(rig, &mut SummaryOnly, told, &mut (), &mut ())?;
     let stopped = (summary.outcome == Outcome::Stopped)
         .then(|| summary.failure_reason.unwrap_or_else(|| "stopped by the supervisor".to_owned()));
     Ok(OnRig { fidelity: summary.fidelity.unwrap_or_default(), outcome: summary.outcome, stopped })

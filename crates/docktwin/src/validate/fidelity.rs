@@ -4,11 +4,12 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use docktwin_report::study::fidelity as report;
-use docktwin_run::HilRun;
+use docktwin_run::{HilOptions, HilRun};
 use docktwin_scenario::{Scenario, load_scenario};
 use docktwin_study::fidelity::{
     Cause, budget,
     draws::{DrawOptions, Draws, draws},
+    offloads::{Balanced, offload_map},
     on_rig,
 };
 use serde_json::json;
@@ -37,9 +38,13 @@ compared with the simulated system that has the drawn mechanism: outcomes, and t
 every figure. Draws whose simulated outcome a shift of the initial position by 50 um turns are named
 and left out. That makes five rehearsals and a run on the rig a draw, on all cores.
 
+With --offload-map the rig's balance is varied: 90, 95, 98 and 100 % of the ring's weight carried,
+0, 5, 10 and 20 N of friction, 0, 2, 10 and 40 kg of moving mass, each with each. The table says what
+each costs and what the mechanism does not bear. That makes 64 runs a scenario, on all cores.
+
 The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv and a
 plot of every scenario, with --draws fidelity-draws.csv (one row a draw) and
-fidelity-distribution.csv.
+fidelity-distribution.csv, with --offload-map fidelity-offload.csv and two plots of every scenario.
 
 Examples:
   docktwin validate fidelity scenarios/apas_nominal.toml scenarios/apas_fast.toml
@@ -47,6 +52,7 @@ Examples:
   docktwin validate fidelity scenarios/apas_fast.toml --without legs --without rack
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
   docktwin validate fidelity scenarios/apas_fast.toml --draws 100 --mechanism-grade coarse
+  docktwin validate fidelity scenarios/apas_fast.toml --offload-map --set run.duration_s=8
   docktwin validate fidelity scenarios/apas_fast.toml \\
       --rig-mechanism models/foreign/apas_hertz_active.toml
 
@@ -68,6 +74,9 @@ pub(crate) struct FidelityArgs {
     #[arg(long, value_name = "N", conflicts_with = "budget",
         value_parser = clap::value_parser!(u32).range(1..=100_000))]
     draws: Option<u32>,
+    /// Vary the rig's balance
+    #[arg(long, conflicts_with_all = ["budget", "draws", "without"])]
+    offload_map: bool,
     #[command(flatten)]
     on_rig: OnRigArgs,
     /// Directory of the results; by default a new one under `analysis`.
@@ -126,26 +135,14 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
         refuse_given_lead(args, &all)?;
     }
     if args.budget {
-        let mut budgets = Vec::new();
-        for scenario in &all {
-            budgets.push(budget(scenario, &options, &mut Bars::new(json))?);
-        }
-        results.tables(report::tables(&budgets))?;
-        results.plots(report::plots(&budgets))?;
-        let words: String = budgets.iter().map(report::budget_words).collect();
-        let code = results.finish("fidelity", &json!({ "budgets": budgets }), &words, json)?;
-        let stopped = budgets.iter().any(|b| b.stopped().next().is_some());
-        return Ok(if stopped { ExitCode::from(OTHERWISE) } else { code });
+        return of_budgets(&all, &options, results, json);
+    }
+    if args.offload_map {
+        return of_offloads(&all, &options, results, json);
     }
     if let Some(n) = args.draws {
         let asked = DrawOptions { draws: n, grade: args.on_rig.mechanism.grade() };
-        let of = |scenario| draws(scenario, &options, asked, &mut Bars::new(json));
-        let found = all.iter().map(of).collect::<Result<Vec<Draws>, _>>()?;
-        results.tables(report::draw_tables(&found))?;
-        let words: String = found.iter().map(report::draw_words).collect();
-        let code = results.finish("fidelity", &report::draws_json(&found), &words, json)?;
-        let stopped = found.iter().any(|d| d.stopped().next().is_some());
-        return Ok(if stopped { ExitCode::from(OTHERWISE) } else { code });
+        return of_draws(&all, &options, asked, results, json);
     }
     let mut found = Vec::new();
     for scenario in &all {
@@ -164,4 +161,54 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
     let code = results.finish("fidelity", &all, &report::words(&found), json)?;
     let stopped = found.iter().any(|(_, on)| on.stopped.is_some());
     Ok(if stopped { ExitCode::from(OTHERWISE) } else { code })
+}
+
+fn exit(code: ExitCode, stopped: bool) -> ExitCode {
+    if stopped { ExitCode::from(OTHERWISE) } else { code }
+}
+
+fn of_budgets(
+    all: &[Scenario],
+    options: &HilOptions,
+    mut results: Results,
+    json: bool,
+) -> Result<ExitCode, Failure> {
+    let of = |scenario| budget(scenario, options, &mut Bars::new(json));
+    let budgets = all.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+    results.tables(report::tables(&budgets))?;
+    results.plots(report::plots(&budgets))?;
+    let words: String = budgets.iter().map(report::budget_words).collect();
+    let code = results.finish("fidelity", &json!({ "budgets": budgets }), &words, json)?;
+    Ok(exit(code, budgets.iter().any(|b| b.stopped().next().is_some())))
+}
+
+fn of_draws(
+    all: &[Scenario],
+    options: &HilOptions,
+    asked: DrawOptions,
+    mut results: Results,
+    json: bool,
+) -> Result<ExitCode, Failure> {
+    let of = |scenario| draws(scenario, options, asked, &mut Bars::new(json));
+    let found = all.iter().map(of).collect::<Result<Vec<Draws>, _>>()?;
+    results.tables(report::draw_tables(&found))?;
+    let words: String = found.iter().map(report::draw_words).collect();
+    let code = results.finish("fidelity", &report::draws_json(&found), &words, json)?;
+    Ok(exit(code, found.iter().any(|d| d.stopped().next().is_some())))
+}
+
+fn of_offloads(
+    all: &[Scenario],
+    options: &HilOptions,
+    mut results: Results,
+    json: bool,
+) -> Result<ExitCode, Failure> {
+    let of = |scenario| offload_map(scenario, options, &mut Bars::new(json));
+    let maps = all.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+    results.tables(report::offload_tables(&maps))?;
+    results.plots(report::offload_plots(&maps))?;
+    let words: String = maps.iter().map(report::offload_words).collect();
+    let code = results.finish("fidelity", &json!({ "offload_maps": maps }), &words, json)?;
+    let stopped = |b: &Balanced| b.on_rig.as_ref().is_some_and(|on| on.stopped.is_some());
+    Ok(exit(code, maps.iter().any(|m| m.balances.iter().any(stopped))))
 }

@@ -6,8 +6,10 @@ use docktwin_plot::{Axis, Bar, Colour, Embed, Lane, Plot, PlotError};
 use docktwin_study::fidelity::{Budget, Cause, Figure, OnRig, Window};
 
 mod draws;
+mod offloads;
 
 pub use draws::{draw_tables, draw_words, draws_json};
+pub use offloads::{offload_plots, offload_tables, offload_words};
 
 use super::NamedText;
 

@@ -217,7 +217,7 @@ pub fn one(
         }
     }
     let drawn = run.drawn().to_vec();
-    Ok(Draw { number: draw.number, drawn, on_rig: ended(run, &[])?, simulated, turns })
+    Ok(Draw { number: draw.number, drawn, on_rig: ended(run, &[], scenario)?, simulated, turns })
 }
 
 /// Runs draws 1 to so many of a scenario, on all cores; what comes out does not depend on how many.
