@@ -69,8 +69,10 @@ pub struct Programme {
     /// Twist of `e4` against `e3` at `t_{k−1/2}`, and its last rate.
     twist: Twist,
     rate: Twist,
-    /// Wrenches of the last kick about the mass centres, world axes.
+    /// Wrenches at the last instant about the mass centres, world axes.
     last: [Wrench; 2],
+    /// Control wrenches of the tick before.
+    before: Inputs,
 }
 
 impl Programme {
@@ -87,6 +89,7 @@ impl Programme {
             twist: Twist::default(),
             rate: Twist::default(),
             last: [Wrench::ZERO; 2],
+            before: Inputs::default(),
         };
         let at = |back: f64| {
             let mut p = out.clone();
@@ -136,14 +139,19 @@ impl Programme {
     pub fn tick(&mut self, port3: &Wrench, port4: &Wrench, control: &Inputs) -> RelativeMotion {
         let h = self.tick_s;
         let ports = self.ports();
+        let before = [self.before.chaser, self.before.target];
         let controls = [control.chaser, control.target];
         for (i, port) in [port3, port4].into_iter().enumerate() {
             let b = &mut self.bodies[i];
             let arm = b.p - ports[i].p;
-            let w = port.rotated(ports[i].q).shifted(arm) + controls[i].rotated(b.q);
-            b.kick(&self.mass[i], w, h);
-            self.last[i] = w;
+            let port = port.rotated(ports[i].q).shifted(arm);
+            let [half, whole] = [before[i], controls[i]].map(|w| w.rotated(b.q));
+            // Held from t_k on: of the time of the kick, t_{k−1/2} to t_{k+1/2}, half was the tick before.
+            let held = Wrench { f: (half.f + whole.f) * 0.5, m: (half.m + whole.m) * 0.5 };
+            b.kick(&self.mass[i], port + held, h);
+            self.last[i] = port + whole;
         }
+        self.before = *control;
         self.drift(0.5 * h);
         let twist = self.relative_twist();
         self.drift(0.5 * h);
@@ -194,6 +202,51 @@ impl Programme {
             twist: here.relative_twist(),
             acceleration: rate,
             jerk: Twist::default(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use docktwin_core::DVec3;
+    use docktwin_model::{load_mechanism, load_spacecraft};
+
+    use super::*;
+    use crate::initial::{ContactConditions, initial_state};
+
+    /// A thrust held from a tick on moves the chaser by ½ F/m t², from the tick after its end uniformly.
+    #[test]
+    fn oracle_a_held_thrust_moves_by_half_its_acceleration_times_time_squared() {
+        const TICK_S: f64 = 1e-3;
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf");
+        let file = |name: &str| folder.join(name);
+        let [chaser, target] = ["chaser_8t.urdf", "target_12t.urdf"]
+            .map(|name| load_spacecraft(&file(name)).expect("shipped").model);
+        let (active, passive) = (file("apas_active.urdf"), file("apas_passive.urdf"));
+        let mechanism = load_mechanism(&active, &passive, None).expect("shipped").model;
+        let system = System::new(&chaser, &target, mechanism);
+        let bodies = initial_state(&system, &ContactConditions::default(), 0.5).bodies;
+        let mut programme = Programme::new(&system, &bodies, TICK_S);
+        let thrust = Inputs {
+            chaser: Wrench { f: DVec3::new(600.0, 0.0, 0.0), m: DVec3::ZERO },
+            target: Wrench::ZERO,
+        };
+        let none = Wrench::ZERO;
+        let start = programme.bodies()[0];
+        let along = start.q * DVec3::X;
+        let a = 600.0 / system.mass()[CHASER].mass();
+        for k in 1..=400_u32 {
+            let (on, t) = (k <= 200, f64::from(k) * TICK_S);
+            programme.tick(&none, &none, if on { &thrust } else { &Inputs::default() });
+            let t_on = t.min(200.0 * TICK_S);
+            let want = a * t_on * (t - 0.5 * t_on);
+            let moved = (programme.bodies()[0].p - start.p - start.v * t).dot(along);
+            assert!((moved - want).abs() < 1e-12, "{k}: {moved} m, {want} m");
+            let speed = (programme.bodies()[0].v - start.v).dot(along);
+            let held = if on { a * t } else { a * t_on };
+            assert!((speed - held).abs() < 1e-12, "{k}: {speed} m/s, {held} m/s");
         }
     }
 }

@@ -39,8 +39,8 @@ every figure. Draws whose simulated outcome a shift of the initial position by 5
 and left out. That makes five rehearsals and a run on the rig a draw, on all cores.
 
 With --offload-map the rig's balance is varied: 90, 95, 98 and 100 % of the ring's weight carried,
-0, 5, 10 and 20 N of friction, 0, 2, 10 and 40 kg of moving mass, each with each. The table says what
-each costs and what the mechanism does not bear. That makes 64 runs a scenario, on all cores.
+0, 5, 10 and 20 N of friction, 0, 2, 10 and 40 kg of moving mass, each with each. The table says
+what each costs and what the mechanism does not bear. That makes 64 runs a scenario, on all cores.
 
 The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv and a
 plot of every scenario, with --draws fidelity-draws.csv (one row a draw) and
@@ -129,7 +129,7 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
     for scenario in &all {
         HilRun::new(scenario, options.clone())?;
     }
-    let mut results = Results::new(args.out.as_deref(), "fidelity")?;
+    let results = Results::new(args.out.as_deref(), "fidelity")?;
     let removed: Vec<Cause> = args.without.iter().flat_map(|c| c.0.iter().copied()).collect();
     if args.budget || !removed.is_empty() {
         refuse_given_lead(args, &all)?;
