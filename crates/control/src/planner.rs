@@ -1,6 +1,7 @@
 //! Path of the rig from rest to the initial condition of a docking (§6, locus planning).
 //!
-//! First a move, from rest to rest, from the present pose to the beginning of the run-up. Then the
+//! First a route of moves, each from rest to rest, from the present pose to the beginning of the run-up: straight
+//! where that touches nothing, else with the lateral and angular part of it made at a distance. Then the
 //! run-up along the free flight that leads to the initial condition, time-scaled by a smooth ramp:
 //! every pose of the run-up is a pose of the free flight, and at its end position, velocity,
 //! acceleration and jerk are continuous with it. There the loop is closed.
@@ -66,6 +67,77 @@ impl Move {
             acceleration: along(a / (t * t)),
             jerk: along(j / (t * t * t)),
         }
+    }
+}
+
+/// Moves one after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Route {
+    moves: Vec<Move>,
+    /// How long it takes, s.
+    pub duration_s: f64,
+}
+
+/// Poses of a move that are looked at.
+const LOOKS: u32 = 200;
+/// By how much nearer along the docking axis a way is to be clear too, m, the first of these that can be had: a ring
+/// that sags is not where it is believed.
+const CLEARANCES_M: [f64; 3] = [0.005, 0.001, 0.0];
+/// How far the mechanisms are drawn apart for a move sideways where they are near each other, m.
+const APART_M: f64 = 0.1;
+
+impl Route {
+    /// Through these poses, nowhere faster than `speed_m_s` and `rate_rad_s`; two poses at least.
+    #[must_use]
+    pub fn through(poses: &[Pose], speed_m_s: f64, rate_rad_s: f64) -> Self {
+        let moves: Vec<Move> =
+            poses.windows(2).map(|p| Move::new(&p[0], &p[1], speed_m_s, rate_rad_s)).collect();
+        let duration_s = moves.iter().map(|m| m.duration_s).sum();
+        Self { moves, duration_s }
+    }
+
+    /// From one relative pose to another, `X_34`, along which nothing touches: straight; or sideways first, at the
+    /// larger of both distances; or apart first. `None` where each of them touches.
+    #[must_use]
+    pub fn clear(
+        [from, to]: [&Pose; 2],
+        [speed_m_s, rate_rad_s]: [f64; 2],
+        touches: impl Fn(&Pose) -> bool,
+    ) -> Option<Self> {
+        let at = |x: f64, of: &Pose| Pose::new(DVec3::new(x, of.p.y, of.p.z), of.q);
+        let far = from.p.x.max(to.p.x);
+        let farther = far + APART_M;
+        let ways: [&[Pose]; 3] = [
+            &[*from, *to],
+            &[*from, at(far, to), *to],
+            &[*from, at(farther, from), at(farther, to), *to],
+        ];
+        let routes = ways.map(|poses| Self::through(poses, speed_m_s, rate_rad_s));
+        CLEARANCES_M.into_iter().find_map(|clearance_m| {
+            let nearer = |x: &Pose| touches(&Pose::new(x.p - DVec3::X * clearance_m, x.q));
+            routes.iter().find(|r| r.is_clear(nearer)).cloned()
+        })
+    }
+
+    fn is_clear(&self, touches: impl Fn(&Pose) -> bool) -> bool {
+        let looks = LOOKS * u32::try_from(self.moves.len()).unwrap_or(1);
+        let at = |i: u32| self.at(self.duration_s * f64::from(i) / f64::from(looks)).x_34;
+        (0..=looks).all(|i| !touches(&at(i)))
+    }
+
+    /// The motion `time_s` after its start.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> RelativeMotion {
+        let mut left = time_s;
+        let mut out = RelativeMotion::default();
+        for m in &self.moves {
+            out = m.at(left);
+            if left < m.duration_s {
+                break;
+            }
+            left -= m.duration_s;
+        }
+        out
     }
 }
 
@@ -141,5 +213,31 @@ mod tests {
         let end = m.at(m.duration_s);
         assert!((end.x_34.p - to.p).length() < 1e-15 && end.twist.v.length() < 1e-15);
         assert!((end.x_34.q.dot(to.q).abs() - 1.0).abs() < 1e-15);
+    }
+
+    /// A wall that only a way round it avoids, and one that none does.
+    #[test]
+    fn invariant_a_route_goes_round_what_it_would_touch() {
+        let from = Pose::new(DVec3::new(0.6, 0.0, 0.0), DQuat::IDENTITY);
+        let to = Pose::new(DVec3::new(0.3, 0.2, 0.0), DQuat::from_rotation_x(0.1));
+        let speeds = [0.05, 0.05];
+        let find = |touches: fn(&Pose) -> bool| Route::clear([&from, &to], speeds, touches);
+        let straight = find(|_| false).expect("nothing is there");
+        assert_eq!(straight.moves, [Move::new(&from, &to, 0.05, 0.05)]);
+        // A corner that sticks out between both.
+        let corner = |x: &Pose| x.p.x < 0.5 && x.p.y < 0.15;
+        let round = find(corner).expect("there is a way");
+        assert_eq!(round.moves.len(), 2);
+        for i in 0..=1000 {
+            let at = round.at(round.duration_s * f64::from(i) / 1000.0);
+            assert!(!corner(&at.x_34));
+            assert!(at.twist.v.length() <= 0.05 + 1e-12);
+        }
+        let end = round.at(round.duration_s).x_34;
+        assert!((end.p - to.p).length() < 1e-15 && end.q.dot(to.q).abs() > 1.0 - 1e-15);
+        // Near each other: apart first.
+        let shelf = |x: &Pose| x.p.x < 0.65 && x.p.y > 0.02 && x.p.y < 0.18;
+        assert_eq!(find(shelf).expect("there is a way").moves.len(), 3);
+        assert_eq!(find(|x| x.p.y > 0.1 && x.p.y < 0.15), None);
     }
 }

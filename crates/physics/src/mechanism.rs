@@ -420,6 +420,13 @@ impl System {
         )
     }
 
+    /// True when the sides touch with `e4` at `x_34` in `e3` and the ring at its rest.
+    #[must_use]
+    pub fn touches_at(&self, x_34: &Pose) -> bool {
+        let target = self.x_bf[CHASER] * *x_34 * self.x_bf[TARGET].inverse();
+        self.touches(&self.poses(&[Pose::IDENTITY, self.x_c_ring, target]))
+    }
+
     /// Measures contacts, deflection and latch gaps.
     #[must_use]
     pub fn measure(&self, state: &MechanismState, bodies: &[Pose; 3]) -> Measured {

@@ -3,7 +3,7 @@
 use docktwin_control::{
     compensation::{Compensator, Demand, Measured, Method},
     feedforward::PlateMotion,
-    planner::{Move, RunUp},
+    planner::{Move, Route, RunUp},
     safety::{Supervisor, half_widths},
     sensing::{Conditioning, SensorScheme},
 };
@@ -73,6 +73,8 @@ const IDLE_TICKS: usize = 20;
 const WEIGHTLESS_M_S2: f64 = 0.5;
 /// Ticks without an answer before a rig counts as gone.
 const IDLE_PATIENCE: u64 = 200;
+/// Poses of the run-up that are looked at.
+const LOOKS: u32 = 100;
 /// Part of the usual speed in a dry run.
 const DRY_RUN_SPEED: f64 = 0.25;
 
@@ -125,11 +127,15 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         }
         let last = samples[IDLE_TICKS - 1];
         let (mut checks, from) = self.checks(&samples);
+        let plan = from.and_then(|from| self.plan(&from));
+        if from.is_some() {
+            checks.push(approach(plan.is_some()));
+        }
         checks.extend(known);
-        match (from, Form::of(&last)) {
-            (Some(from), Some(form)) if checks.iter().all(|c| c.passed) => {
+        match (from.zip(plan), Form::of(&last)) {
+            (Some((from, plan)), Some(form)) if checks.iter().all(|c| c.passed) => {
                 self.compensator.reset();
-                let running = self.at_rest(&from, form, &samples[IDLE_TICKS / 2..]);
+                let running = self.at_rest(&from, plan, form, &samples[IDLE_TICKS / 2..]);
                 Ok(self.into_state(|_| Armed { running, checks }))
             }
             _ => Err(ArmError::Checklist(checks)),
@@ -137,7 +143,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
     }
 
     /// The run before its first tick, with the plate at rest at `from`, where `samples` were taken.
-    fn at_rest(&self, from: &Pose, form: Form, samples: &[RigMeasurement]) -> Running {
+    fn at_rest(&self, from: &Pose, plan: Plan, form: Form, samples: &[RigMeasurement]) -> Running {
         let s = &self.setup;
         let x_bp = self.platform.plate_from_docking(from);
         let conditioning = self.tared(&x_bp, samples);
@@ -145,7 +151,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         let reference_a = Some(conditioning.reference().a);
         let motion = RelativeMotion { x_34: *from, ..RelativeMotion::default() };
         Running {
-            plan: self.plan(from),
+            plan,
             phase: Phase::Move,
             since: 0,
             closed: 0,
@@ -170,18 +176,28 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         }
     }
 
-    /// The way to the initial condition from `from`.
-    fn plan(&self, from: &Pose) -> Plan {
+    /// The way to the initial condition from `from`; `None` where the mechanisms would touch on it.
+    fn plan(&self, from: &Pose) -> Option<Plan> {
         let s = &self.setup;
         let run_up = RunUp::new(&s.bodies, s.approach.run_up_s);
         let begin = run_up.at(0.0).x_34;
         let slow = if s.dry_run { DRY_RUN_SPEED } else { 1.0 };
         let (speed, rate) = (s.approach.speed_m_s * slow, s.approach.rate_rad_s * slow);
-        Plan {
-            first: Move::new(from, &begin, speed, rate),
-            there: Move::new(&begin, &s.bodies.x_34(), speed, rate),
-            run_up,
-        }
+        let there = Move::new(&begin, &s.bodies.x_34(), speed, rate);
+        // A stick is in its frame from the beginning.
+        let stick = s.system.mechanism().stick.is_some();
+        let touches = |x: &Pose| !stick && s.system.touches_at(x);
+        let first = Route::clear([from, &begin], [speed, rate], touches)?;
+        let clear = |i: u32| {
+            let part = f64::from(i) / f64::from(LOOKS);
+            let way = if s.dry_run {
+                there.at(there.duration_s * part)
+            } else {
+                run_up.at(run_up.duration_s * part)
+            };
+            !touches(&way.x_34)
+        };
+        (0..LOOKS).all(clear).then_some(Plan { first, there, run_up })
     }
 
     /// Conditioning tared at rest: good enough to watch the loads on the way to the tare.
@@ -282,6 +298,16 @@ fn interface(last: &RigMeasurement) -> Check {
             ),
         ),
     }
+}
+
+/// The way to the initial condition.
+fn approach(clear: bool) -> Check {
+    let found = if clear {
+        "touches nothing"
+    } else {
+        "the mechanisms would touch before the initial condition: draw the plate back, or raise initial.gap_m"
+    };
+    Check::new("approach", clear, found)
 }
 
 fn rig(last: &RigMeasurement) -> Check {

@@ -21,7 +21,7 @@
 use docktwin_control::{
     compensation::{Demand, LoopContext, Measured, Method},
     feedforward::{PathTimes, PlateMotion},
-    planner::{Move, RunUp},
+    planner::{Move, Route, RunUp},
     safety::Supervisor,
     sensing::Conditioning,
 };
@@ -162,7 +162,7 @@ impl HeldBack {
 
 #[derive(Clone, Debug)]
 struct Plan {
-    first: Move,
+    first: Route,
     run_up: RunUp,
     /// Of a dry run, from the beginning of the run-up to the initial condition.
     there: Move,

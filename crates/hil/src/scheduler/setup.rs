@@ -59,6 +59,8 @@ pub struct LoopSetup {
     pub patience: Duration,
     /// Slowly to the initial condition and back, without closing the loop.
     pub dry_run: bool,
+    /// What must not touch on the way to the initial condition.
+    pub system: System,
 }
 
 /// The way to the initial condition.
@@ -184,6 +186,7 @@ impl LoopSetup {
             session: 1,
             patience: Duration::ZERO,
             dry_run: false,
+            system: system.clone(),
             rig: rig.clone(),
         })
     }

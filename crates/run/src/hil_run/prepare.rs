@@ -21,7 +21,7 @@ use docktwin_model::{HydraulicPreset, Rig as RigModel, SAG_REMEDY, load_rig_from
 use docktwin_physics::{
     as_built::Drawn,
     body::BodyState,
-    mechanism::{CHASER, RING, System, TARGET},
+    mechanism::{CHASER, System, TARGET},
     programme::Programme,
 };
 use docktwin_record::Summary;
@@ -61,7 +61,9 @@ const MOVE_RAD_S: f64 = 0.05;
 const SETTLE_S: f64 = 0.6;
 /// Longest way of the run-up along the docking axis, m, and the times it may take, s.
 const RUN_UP_M: f64 = 0.1;
-const RUN_UP_S: [f64; 2] = [0.2, 4.0];
+const RUN_UP_S: [f64; 2] = [0.05, 4.0];
+/// By how much nearer along the docking axis it is to be clear too, m: a ring that sags is not where it is believed.
+const RUN_UP_CLEARANCE_M: f64 = 0.001;
 
 /// How a loop with a rig is run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -207,7 +209,7 @@ impl<'a> HilRun<'a> {
         let tick_s = period_s(scenario)?;
         let programme = Programme::new(&system, &bodies, tick_s);
         let believed = RigSetup::of_rig(&rig, preset, None);
-        let run_up_s = run_up_s(&system, &bodies, &programme);
+        let run_up_s = run_up_s(&system, &programme);
         for (what, time_s) in [("initial condition", 0.0), ("run-up", -0.5 * run_up_s)] {
             within_reach(&rig, &believed, &programme.free(time_s).x_34, what)?;
         }
@@ -500,27 +502,26 @@ pub(crate) fn rig_path(named: Option<&Path>, scenario: &Scenario) -> Result<Path
     })
 }
 
-/// The longest run-up that stays clear of the other side.
-fn run_up_s(system: &System, bodies: &[BodyState; 3], programme: &Programme) -> f64 {
+/// The longest run-up that stays clear of the other side, by [`RUN_UP_CLEARANCE_M`] where one does; arming refuses one
+/// that does not at all.
+fn run_up_s(system: &System, programme: &Programme) -> f64 {
     let speed = programme.free(0.0).twist.v.length().max(1e-3);
     let [shortest, longest] = RUN_UP_S;
-    let mut time = (2.0 * RUN_UP_M / speed).clamp(shortest, longest);
-    let free = |time: f64| {
+    let most = (2.0 * RUN_UP_M / speed).clamp(shortest, longest);
+    let clear = |time: f64, by_m: f64| {
         (0..=50).all(|i| {
-            let mut back = *bodies;
-            for (b, m) in back.iter_mut().zip(system.mass()) {
-                b.drift(m, -0.5 * time * f64::from(i) / 50.0);
-            }
-            // A chaser that turns carries its ring.
-            let mut at = back.map(|b| b.pose());
-            at[RING] = at[CHASER] * system.ring_at_rest();
-            !system.touches(&system.poses(&at))
+            let x = programme.free(-0.5 * time * f64::from(i) / 50.0).x_34;
+            !system.touches_at(&Pose::new(x.p - DVec3::X * by_m, x.q))
         })
     };
-    while time > shortest && !free(time) {
-        time *= 0.8;
-    }
-    time.max(shortest)
+    let times = || {
+        let shorter = |t: &f64| (t * 0.8 > shortest).then_some(t * 0.8);
+        core::iter::successors(Some(most), shorter).chain([shortest])
+    };
+    let longest_by = |by_m: f64| times().find(|t| clear(*t, by_m));
+    // A stick is in its frame from the beginning.
+    let by_m = if system.mechanism().stick.is_some() { 0.0 } else { RUN_UP_CLEARANCE_M };
+    longest_by(by_m).or_else(|| longest_by(0.0)).unwrap_or(shortest)
 }
 
 /// The rig can show this pose with room to spare.
