@@ -88,6 +88,9 @@ pub fn inputs(thrusts: &[Thrust], state: &DockingState, time_s: f64) -> Inputs {
     inputs_after(thrusts, state.first_contact_s, state.mechanism.captured_s(), time_s)
 }
 
+/// Times of ticks are sums of decimals: within this of each other, s, they are one.
+const SAME_TIME_S: f64 = 1e-9;
+
 /// Control wrenches of a tick that starts at `time_s`, given the times of first contact and capture.
 #[must_use]
 pub fn inputs_after(
@@ -104,7 +107,7 @@ pub fn inputs_after(
             Trigger::Capture => captured_s,
         };
         let Some(from) = from else { continue };
-        let since = time_s - from - t.delay_s;
+        let since = time_s - from - t.delay_s + SAME_TIME_S;
         let captured = t.until_capture && captured_s.is_some();
         if since < 0.0 || since >= t.duration_s || captured {
             continue;
@@ -140,7 +143,7 @@ pub fn thrust_ahead_of(
             Trigger::Capture => captured_s,
         };
         let ended = t.until_capture && captured_s.is_some();
-        !ended && from.is_some_and(|from| time_s < from + t.delay_s + t.duration_s)
+        !ended && from.is_some_and(|from| time_s + SAME_TIME_S < from + t.delay_s + t.duration_s)
     })
 }
 
@@ -151,4 +154,35 @@ pub fn tick_digest(state: Digest, inputs: &Inputs) -> Digest {
     let mut h = StateHasher::chained(state);
     inputs.hash_into(&mut h);
     h.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A thrust of so many ticks after an event on a tick acts for so many ticks, whatever rounding makes of their
+    /// times.
+    #[test]
+    fn invariant_a_thrust_begins_and_ends_on_its_ticks() {
+        for (event, delay, length) in [(464_u32, 500_u32, 15_u32), (0, 900, 100), (1, 3, 7)] {
+            let s = |ticks: u32| f64::from(ticks) * 1e-3;
+            let thrusts = [Thrust {
+                on: Body::Chaser,
+                after: Trigger::FirstContact,
+                delay_s: s(delay),
+                duration_s: s(length),
+                until_capture: false,
+                force_n: DVec3::X,
+                moment_nm: DVec3::ZERO,
+            }];
+            for k in 0..2000 {
+                let from = event + delay;
+                let on = (from..from + length).contains(&k);
+                let got = inputs_after(&thrusts, Some(s(event)), None, s(k));
+                assert_eq!(got.chaser.f == DVec3::X, on, "tick {k}: {event} {delay} {length}");
+                let ahead = thrust_ahead_of(&thrusts, Some(s(event)), None, s(k));
+                assert_eq!(ahead, k < from + length, "tick {k}: {event} {delay} {length}");
+            }
+        }
+    }
 }
