@@ -233,13 +233,13 @@ mod tests {
             chaser: Wrench { f: DVec3::new(600.0, 0.0, 0.0), m: DVec3::ZERO },
             target: Wrench::ZERO,
         };
-        let none = Wrench::ZERO;
+        let (none, nothing) = (Wrench::ZERO, Inputs::default());
         let start = programme.bodies()[0];
         let along = start.q * DVec3::X;
         let a = 600.0 / system.mass()[CHASER].mass();
         for k in 1..=400_u32 {
             let (on, t) = (k <= 200, f64::from(k) * TICK_S);
-            programme.tick(&none, &none, if on { &thrust } else { &Inputs::default() });
+            programme.tick(&none, &none, if on { &thrust } else { &nothing });
             let t_on = t.min(200.0 * TICK_S);
             let want = a * t_on * (t - 0.5 * t_on);
             let moved = (programme.bodies()[0].p - start.p - start.v * t).dot(along);

@@ -112,8 +112,8 @@ pub fn offload_plots(all: &[OffloadMap]) -> Result<Vec<NamedText>, PlotError> {
         };
         let mass = nearest(MASSES_KG, map.own.added_mass_kg);
         let friction = nearest(FRICTIONS_N, map.own.friction_n);
-        let by_friction = lines(map, |b| (b.added_mass_kg == mass).then_some(b.friction_n));
-        let by_mass = lines(map, |b| (b.friction_n == friction).then_some(b.added_mass_kg));
+        let by_friction = lines(map, |b| same(b.added_mass_kg, mass).then_some(b.friction_n));
+        let by_mass = lines(map, |b| same(b.friction_n, friction).then_some(b.added_mass_kg));
         let name = |what: &str| format!("fidelity-offload-{}-{what}.svg", map.scenario);
         let title =
             |held: String| format!("{}: error of the force on the hardware, {held}", map.scenario);
@@ -127,6 +127,11 @@ pub fn offload_plots(all: &[OffloadMap]) -> Result<Vec<NamedText>, PlotError> {
     Ok(out)
 }
 
+/// Both are one number of the lattice.
+fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits()
+}
+
 /// Error of the force on the hardware, %, over what `x` picks; a line for each share.
 fn lines(map: &OffloadMap, x: impl Fn(&Balance) -> Option<f64>) -> Vec<(f64, Vec<[f64; 2]>)> {
     let point = |b: &Balanced| {
@@ -134,7 +139,7 @@ fn lines(map: &OffloadMap, x: impl Fn(&Balance) -> Option<f64>) -> Vec<(f64, Vec
         let y = on.and_then(|on| on.hardware(on.window()).nrms_force);
         Some([x(&b.balance)?, 100.0 * y.unwrap_or(f64::NAN)])
     };
-    let of = |share: f64| map.balances.iter().filter(move |b| b.balance.share == share);
+    let of = |share: f64| map.balances.iter().filter(move |b| same(b.balance.share, share));
     SHARES.into_iter().map(|share| (share, of(share).filter_map(point).collect())).collect()
 }
 
