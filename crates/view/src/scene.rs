@@ -216,8 +216,8 @@ pub(crate) fn log_static(rec: &Stream, s: &SceneModel<'_>, compared: bool) -> Se
                 .with_radii([Radius::new_scene_units(0.7 * style::LATCH_RADIUS_M)])
                 .with_colors([style::STRIKER]),
         )?;
-        log_latch_lanes(rec, |path| path)?;
     }
+    log_latch_lanes(rec, shown_latches(m), |path| path)?;
     log_legend(rec, s, compared)?;
     log_series(rec, m, |path| path.to_owned(), if compared { "A " } else { "" }, |c| c, 1.5)
 }
@@ -230,9 +230,7 @@ pub(crate) fn log_ghost(rec: &Stream, s: &SceneModel<'_>) -> Sent {
     log_side(rec, &at(paths::ACTIVE), &m.active, style::GHOST_EDGES, glass)?;
     rec.log_static(at(paths::PASSIVE), &transform(&passive_ring(m)))?;
     log_side(rec, &at(paths::PASSIVE), &m.passive, style::GHOST_EDGES, glass)?;
-    if m.latches.is_some() {
-        log_latch_lanes(rec, |path| paths::of_ghost(&path))?;
-    }
+    log_latch_lanes(rec, shown_latches(m), |path| paths::of_ghost(&path))?;
     log_series(rec, m, at, "B ", style::ghostly, 1.0)
 }
 
@@ -242,8 +240,13 @@ fn passive_ring(m: &DockingMechanism) -> Pose {
         * Pose::new(DVec3::ZERO, HALF_TURN_Z)
 }
 
-fn log_latch_lanes(rec: &Stream, at: impl Fn(String) -> String) -> Sent {
-    for i in 0..3 {
+/// Latches whose states and gaps are shown: the first three.
+pub(crate) fn shown_latches(m: &DockingMechanism) -> usize {
+    m.latch_count().min(3)
+}
+
+fn log_latch_lanes(rec: &Stream, count: usize, at: impl Fn(String) -> String) -> Sent {
+    for i in 0..count {
         rec.log_static(
             at(paths::latch_state(i)),
             &StateConfiguration::new()
@@ -289,7 +292,7 @@ fn log_legend(rec: &Stream, s: &SceneModel<'_>, compared: bool) -> Sent {
     )?;
     let r = reach(m);
     let classes = PairClass::ALL;
-    let places = [-0.9, -0.4, 0.1, 0.6].map(|x| f32x3(eye.point([x, 0.88], 0.4)));
+    let places = [-0.9, -0.5, -0.1, 0.3, 0.7].map(|x| f32x3(eye.point([x, 0.88], 0.4)));
     rec.log_static(
         format!("{}/classes", paths::LEGEND),
         &Arrows3D::from_vectors(classes.map(|_| f32x3(eye.right() * 0.1 * r)))
@@ -344,9 +347,12 @@ fn log_series(
     if p > 0 {
         log(paths::GAP_PASSIVE, &["P1'", "P2'", "P3'"][..p], &style::PASSIVE_PETALS[..p])?;
     }
-    log(
-        paths::LATCH_GAP,
-        &["latch 1", "latch 2", "latch 3"],
-        &[PairClass::Latch.colour(), PairClass::RingRing.colour(), PairClass::PetalRing.colour()],
-    )
+    let latches = shown_latches(m);
+    let colours =
+        [PairClass::Latch.colour(), PairClass::RingRing.colour(), PairClass::PetalRing.colour()];
+    let names = ["latch 1", "latch 2", "latch 3"];
+    if latches > 0 {
+        log(paths::LATCH_GAP, &names[..latches], &colours[..latches])?;
+    }
+    Ok(())
 }

@@ -61,7 +61,7 @@ pub struct Frame<'a> {
     /// Contacts at this instant, latches that hold included.
     pub contacts: &'a [ContactArrow],
     /// State of each latch: 0 free, 1 approach, 2 struck, 3 latched. Ignored where the mechanism
-    /// has no latches.
+    /// has fewer latches; of more the first three.
     pub latches: [u8; 3],
     /// Curves.
     pub scalars: &'a Scalars,
@@ -184,6 +184,7 @@ pub struct SceneWriter {
     x_target_port: Pose,
     legs: Vec<[DVec3; 2]>,
     latch_points: Option<[[f32; 3]; 3]>,
+    latch_count: usize,
     pairs: Vec<Pair>,
     slots: Vec<Slot>,
     eye: Eye,
@@ -341,7 +342,13 @@ const CURVES: [&str; 12] = [
 ];
 
 /// Values of the plots, in the order of [`CURVES`].
-fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars, petals: [usize; 2]) {
+fn push_curves(
+    curves: &mut [Curves; CURVES.len()],
+    time: i64,
+    s: &Scalars,
+    petals: [usize; 2],
+    latch_count: usize,
+) {
     let f = s.port_force_n;
     let e = &s.energy;
     let mm = |m: [f64; 3]| m.map(|g| 1e3 * g);
@@ -363,12 +370,12 @@ fn push_curves(curves: &mut [Curves; CURVES.len()], time: i64, s: &Scalars, peta
         &s.ring_deflection_mm.to_array(),
         &s.ring_tilt_deg.to_array(),
         &energies,
-        &latches,
+        &latches[..latch_count],
         &gaps[0][..petals[0]],
         &gaps[1][..petals[1]],
     ];
     for (curve, v) in core::iter::zip(curves, values) {
-        // A side without petals has no gaps: no curve at all.
+        // What is not there has no gaps: no curve at all.
         if !v.is_empty() {
             curve.push(time, v);
         }
@@ -504,6 +511,7 @@ impl SceneWriter {
             x_target_port: scene.target.x_body_port,
             legs: if ghost { vec![] } else { scene::legs(m) },
             latch_points: scene::latch_points(m).map(|p| p.map(f32x3)),
+            latch_count: scene::shown_latches(m),
             pairs: pairs.collect(),
             slots: slots(&eye),
             eye,
@@ -557,7 +565,7 @@ impl SceneWriter {
         self.contacts(time, f.contacts, &x_3w);
         self.loads(time, f.scalars);
         self.summarise(time, &x_3r, false);
-        push_curves(&mut self.rows.curves, time, f.scalars, self.petals);
+        push_curves(&mut self.rows.curves, time, f.scalars, self.petals, self.latch_count);
         self.frames += 1;
         if self.frames >= BATCH { self.send() } else { Ok(()) }
     }
@@ -652,16 +660,15 @@ impl SceneWriter {
 
     /// Latches, written when one changes.
     fn latches(&mut self, time: i64, states: [u8; 3]) {
-        let Some(points) = self.latch_points else { return };
         let before = self.shown_latches.replace(states);
         if before == Some(states) {
             return;
         }
-        if self.part != Part::Ghost {
+        if let Some(points) = self.latch_points.filter(|_| self.part != Part::Ghost) {
             let colours = states.map(|s| style::LATCH_COLOURS[usize::from(s)]);
             self.rows.latches.push(time, &points, &colours);
         }
-        for (i, state) in states.into_iter().enumerate() {
+        for (i, state) in states.into_iter().enumerate().take(self.latch_count) {
             if before.map(|b| b[i]) != Some(state) {
                 let name = style::LATCH_NAMES[usize::from(state)];
                 self.rows.latch_states[i].push(time, "", name.to_owned());
