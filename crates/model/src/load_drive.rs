@@ -39,7 +39,7 @@ pub(crate) fn read_drive(t: Section<'_, '_, '_>) -> Drive {
             t.refuse(
                 table,
                 "belongs to a hydraulic drive, and drive.kind is another",
-                "remove the table, or make drive.kind \"hydraulic\"",
+                "remove the table",
             );
         }
     }

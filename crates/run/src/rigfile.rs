@@ -419,6 +419,15 @@ pub fn write<T: RigFile>(path: &Path, content: &T) -> Result<Digest, RigFileErro
         "# Written by `docktwin rig {}`. Every unit stands in its key.\n{text}",
         T::COMMAND
     );
+    write_new(path, &text)
+}
+
+/// Writes a text; a file that is there is never overwritten.
+///
+/// # Errors
+/// [`RigFileError::Write`].
+pub fn write_new(path: &Path, text: &str) -> Result<Digest, RigFileError> {
+    let failed = |why: String| RigFileError::Write { path: path.to_owned(), why };
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|e| failed(e.to_string()))?;
     }
@@ -467,6 +476,22 @@ impl IdentificationFile {
             leg: legs.map_or_else(Vec::new, |(a, b)| (0..6).map(|i| leg((i, a, b))).collect()),
             response: response.collect(),
         }
+    }
+
+    /// The response as the `[drive]` table of a rig's file whose drive is `measured`.
+    #[must_use]
+    pub fn drive_table(&self) -> String {
+        let note = format!("rig identify of {}, rig {}", self.origin.made_utc, self.origin.rig);
+        let rows: String = self
+            .response
+            .iter()
+            .map(|r| format!("  [{}, {:.6}, {:.4}],\n", r.frequency_hz, r.gain, r.phase_deg))
+            .collect();
+        format!(
+            "[drive]\nkind = \"measured\"\nlag_s = {{ value = {:.7}, source = \"{note}\" }}\n\
+             response_hz_1_deg = {{ value = [\n{rows}], source = \"{note}\" }}\n",
+            self.delay_s
+        )
     }
 
     /// The rig as identified. `None` when there are neither six legs nor none, or a leg lacks what another has.

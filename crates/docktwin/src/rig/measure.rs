@@ -8,7 +8,7 @@ use std::{
 use docktwin_hil::{calibrate::Calibration, identify::Identification};
 use docktwin_run::{
     commission::{self, CalibrateOptions, DriveOptions, IdentifyOptions, Stand},
-    rigfile::{DOFS, RigFile, write},
+    rigfile::{DOFS, RigFile, write, write_new},
 };
 
 use super::{CalibrateArgs, IdentifyArgs, MeasureArgs};
@@ -68,7 +68,12 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
     };
     let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
     let (found, file) = commission::identify(m.stand()?, &m.drive(), &asked, &mut operator)?;
-    m.finish(&file, &identified(&found), json)
+    let mut words = identified(&found);
+    if let Some(path) = &args.drive {
+        write_new(path, &file.drive_table()).map_err(docktwin_run::RunError::from)?;
+        words.push(format!("drive        {}: the table [drive] of a measured rig", path.display()));
+    }
+    m.finish(&file, &words, json)
 }
 
 fn identified(found: &Identification) -> Vec<String> {

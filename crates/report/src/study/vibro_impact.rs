@@ -2,8 +2,8 @@
 
 use core::fmt::Write as _;
 
-use docktwin_plot::{Axis, Colour, Dash, Line, Plot, PlotError};
 use docktwin_model::HydraulicPreset;
+use docktwin_plot::{Axis, Colour, Dash, Line, Plot, PlotError};
 use docktwin_run::rig_place::{ClockKind, RigPlace};
 use docktwin_study::vibro_impact::{
     ContactFigures, SimulatedState, VibroFigures, VibroImpact, VibroRecord, VibroSummary, VibroTick,
