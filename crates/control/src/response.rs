@@ -47,7 +47,7 @@ pub struct Bench {
 #[derive(Clone, Debug)]
 pub enum LinearModel {
     /// On oil, with its controllers.
-    Oil(LinearRig),
+    Oil(Box<LinearRig>),
     /// Legs with equal position loops: every degree of freedom follows as a leg does, whatever the plate carries.
     Loop(PositionLoop),
 }
@@ -384,7 +384,9 @@ impl Bench {
     #[must_use]
     pub fn linear(&self) -> Option<LinearModel> {
         match &self.setup.drive {
-            DriveSetup::Hydraulic(oil) => self.linear_on_oil(oil).map(LinearModel::Oil),
+            DriveSetup::Hydraulic(oil) => {
+                self.linear_on_oil(oil).map(|rig| LinearModel::Oil(Box::new(rig)))
+            }
             DriveSetup::Loops { loops, .. } => Some(LinearModel::Loop(loops[0])),
         }
     }

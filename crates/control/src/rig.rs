@@ -102,7 +102,7 @@ pub enum DriveSetup {
     /// Position loops of their own.
     Loops {
         /// As built.
-        loops: [PositionLoop; 6],
+        loops: Box<[PositionLoop; 6]>,
         /// Of every leg.
         limits: LegLimits,
     },
@@ -131,7 +131,7 @@ impl RigSetup {
                 DriveSetup::Hydraulic(Box::new(HydraulicSetup { legs, believed_legs, tuning }))
             }
             (BuiltLegs::Loops(loops), _) | (_, BuiltLegs::Loops(loops)) => {
-                DriveSetup::Loops { loops, limits: rig.limits }
+                DriveSetup::Loops { loops: Box::new(loops), limits: rig.limits }
             }
         };
         Self {

@@ -56,6 +56,8 @@ fn read_loop(t: Section<'_, '_, '_>) -> PositionLoop {
     }
 }
 
+/// Most points of a response.
+const MOST_ROWS: usize = 1000;
 /// Frequencies (Hz) and gains that a drive may have been measured at and with.
 const HZ: core::ops::RangeInclusive<f64> = 0.01..=200.0;
 const GAIN: core::ops::RangeInclusive<f64> = 0.01..=10.0;
@@ -66,6 +68,14 @@ fn read_measured(t: Section<'_, '_, '_>) -> MeasuredDrive {
     let acceleration_m_s2 = t.optional_number("acceleration_m_s2");
     let failed =
         || MeasuredDrive { lag_s, response: Vec::new(), fitted: PLACEHOLDER, residual: f64::NAN };
+    if rows.len() > MOST_ROWS {
+        t.refuse(
+            "response_hz_1_deg",
+            format!("has {} rows, of which an identification has 54", rows.len()),
+            "give 2 to 1000 rows",
+        );
+        return failed();
+    }
     let wrong = rows.iter().find(|[hz, gain, _]| !(HZ.contains(hz) && GAIN.contains(gain)));
     if let Some([hz, gain, _]) = wrong {
         t.refuse(

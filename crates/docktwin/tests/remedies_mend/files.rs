@@ -687,10 +687,10 @@ fn surfaces() -> Vec<Case> {
     ]
 }
 
-#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn drives() -> Vec<Case> {
     const M: &str = "measured.toml";
     const ROW: &str = "  [10, 0.828";
+    let many = kept(format!("{}  [0.235, 0.9999", "  [0.5, 1.0, -3.9],\n".repeat(1000)));
     vec![
         undo(
             "remove the table",
@@ -700,6 +700,7 @@ fn drives() -> Vec<Case> {
             "give rows of frequency (0.01 to 200 Hz), gain (0.01 to 10) and phase in degrees",
             &[(M, "  [0.235, 0.9999", "  [0.235, 90.9999")],
         ),
+        undo("give 2 to 1000 rows", &[(M, "  [0.235, 0.9999", many)]),
         case(
             "leave out frequencies above those that dockings have, 5 Hz, or measure it again with `rig identify`",
             &[(M, ROW, "  [10, 2.828")],
@@ -708,6 +709,7 @@ fn drives() -> Vec<Case> {
     ]
 }
 
+#[expect(clippy::too_many_lines, reason = "a table of inputs")]
 fn rig_files() -> Vec<Case> {
     const T: &str = "rig.toml";
     const U: &str = "rig.urdf";
