@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use cpu_time::ThreadTime;
 use docktwin_core::{DQuat, DVec3, Pose, Twist, Wrench};
-use docktwin_model::{DockingWorkspace, Rig, load_rig};
+use docktwin_model::{DockingWorkspace, HydraulicDrive, Rig, load_rig};
 use docktwin_physics::{
     hydraulics::LegParameters,
     platform::Platform,
@@ -158,8 +158,8 @@ fn forces(args: &Forces) -> Result<Value, String> {
 }
 
 /// The leg of a file as a mere spring.
-fn spring(rig: &Rig, stiffness_n_m: Option<f64>) -> LegParameters {
-    let mut leg = LegParameters::of_rig(rig, rig.hydraulics.default_preset).ideal();
+fn spring(oil: &HydraulicDrive, stiffness_n_m: Option<f64>) -> LegParameters {
+    let mut leg = LegParameters::of_drive(oil, oil.hydraulics.default_preset).ideal();
     leg.oil.leakage_m3_s_pa = 0.0;
     leg.oil.viscous_n_s_m = 0.0;
     if let Some(k) = stiffness_n_m {
@@ -198,7 +198,8 @@ fn release(args: &Release) -> Result<Value, String> {
             args.step_ms, args.sample_s
         ));
     }
-    let leg = spring(&file, args.spring_n_m);
+    let oil = file.drive.hydraulic().ok_or("no oil moves this rig")?;
+    let leg = spring(oil, args.spring_n_m);
     let rig = ReducedRig::new(Platform::new(&file), &[leg; 6], step_s);
     let start = let_go(&rig, &file, args.place)?;
     let samples = count(args.until_s, args.sample_s);

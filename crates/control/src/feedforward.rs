@@ -160,6 +160,12 @@ pub enum MotionError {
 #[derive(Clone, Debug)]
 pub struct Feedforward {
     platform: Platform,
+    oil: Option<Oil>,
+}
+
+/// Legs on oil, and the delays of their valves.
+#[derive(Clone, Debug)]
+struct Oil {
     legs: [LegParameters; 6],
     valve_delay_s: [f64; 6],
 }
@@ -169,7 +175,14 @@ impl Feedforward {
     #[must_use]
     pub fn new(platform: Platform, legs: [LegParameters; 6], tuning: &LegTuning) -> Self {
         let valve_delay_s = legs.map(|l| tuning.valve_delay_s(&l));
-        Self { platform, legs, valve_delay_s }
+        Self { platform, oil: Some(Oil { legs, valve_delay_s }) }
+    }
+
+    /// For legs that follow their commanded lengths by themselves: lengths, speeds and the forces that the
+    /// motion asks for, and no oil.
+    #[must_use]
+    pub const fn of_lengths(platform: Platform) -> Self {
+        Self { platform, oil: None }
     }
 
     /// The platform that it assumes.
@@ -178,10 +191,10 @@ impl Feedforward {
         &self.platform
     }
 
-    /// By how much the flow is commanded ahead of length and force, s: mean of the legs.
+    /// By how much the flow is commanded ahead of length and force, s: mean of the legs; 0 without oil.
     #[must_use]
     pub fn valve_delay_s(&self) -> f64 {
-        self.valve_delay_s.iter().sum::<f64>() / 6.0
+        self.oil.as_ref().map_or(0.0, |oil| oil.valve_delay_s.iter().sum::<f64>() / 6.0)
     }
 
     /// Times of the paths: the flow is ahead by the valves' delay, the force is of the moment of arrival.
@@ -190,13 +203,14 @@ impl Feedforward {
         PathTimes { flow_ahead_s: self.valve_delay_s(), force_ahead_s: 0.0 }
     }
 
-    /// Force that every leg's oil must push with, N, friction apart.
+    /// Force that every leg must push with, N, friction apart.
     fn forces(&self, c: &Configuration, m: &PlateMotion) -> Result<[f64; 6], MotionError> {
         let mut f = self
             .platform
             .inverse_dynamics(c, &m.twist, &m.acceleration, &m.external)
             .ok_or(MotionError::Singular)?;
-        for ((f, rate), leg) in f.iter_mut().zip(c.rates(&m.twist)).zip(&self.legs) {
+        let legs = self.oil.iter().flat_map(|oil| &oil.legs);
+        for ((f, rate), leg) in f.iter_mut().zip(c.rates(&m.twist)).zip(legs) {
             *f += leg.oil.viscous_n_s_m * rate;
         }
         Ok(f)
@@ -237,26 +251,42 @@ impl Feedforward {
             None => self.forces(&at, arrival)?,
         };
         let rates = at.rates(&arrival.twist);
-        let (before, after) = (valve.ahead(-FORCE_RATE_SPAN), valve.ahead(FORCE_RATE_SPAN));
-        let f0 = self.forces(&self.platform.at(&before.x_bp), &before)?;
-        let f1 = self.forces(&self.platform.at(&after.x_bp), &after)?;
-        let flow = self.platform.at(&valve.x_bp).rates(&valve.twist);
         let mut out =
             RigCommand { legs: Default::default(), x_bp: arrival.x_bp, twist: arrival.twist };
-        for (i, leg) in self.legs.iter().enumerate() {
-            let area2 = leg.oil.area_m2 * leg.oil.area_m2;
-            let taken_up = (f1[i] - f0[i]) / (2.0 * FORCE_RATE_SPAN * leg.oil.oil_spring_n_m());
-            let leaked = 0.5 * (f0[i] + f1[i]) * leg.oil.leakage_m3_s_pa / area2;
-            out.legs[i] = LegCommand {
+        for (i, leg) in out.legs.iter_mut().enumerate() {
+            *leg = LegCommand {
                 length_m: at.length_m[i],
                 speed_m_s: rates[i],
-                flow_speed_m_s: flow[i] + taken_up + leaked,
+                flow_speed_m_s: rates[i],
                 force_n: force[i],
             };
+        }
+        if let Some(oil) = &self.oil {
+            self.flows(oil, valve, &mut out)?;
         }
         let finite = out.legs.iter().all(|l| {
             l.length_m.is_finite() && l.flow_speed_m_s.is_finite() && l.force_n.is_finite()
         });
         if finite { Ok(out) } else { Err(MotionError::NotFinite) }
+    }
+
+    /// Flows for a motion at the time of the valves: rate of length, oil taken up, leakage.
+    fn flows(
+        &self,
+        oil: &Oil,
+        valve: &PlateMotion,
+        out: &mut RigCommand,
+    ) -> Result<(), MotionError> {
+        let (before, after) = (valve.ahead(-FORCE_RATE_SPAN), valve.ahead(FORCE_RATE_SPAN));
+        let f0 = self.forces(&self.platform.at(&before.x_bp), &before)?;
+        let f1 = self.forces(&self.platform.at(&after.x_bp), &after)?;
+        let flow = self.platform.at(&valve.x_bp).rates(&valve.twist);
+        for (i, leg) in oil.legs.iter().enumerate() {
+            let area2 = leg.oil.area_m2 * leg.oil.area_m2;
+            let taken_up = (f1[i] - f0[i]) / (2.0 * FORCE_RATE_SPAN * leg.oil.oil_spring_n_m());
+            let leaked = 0.5 * (f0[i] + f1[i]) * leg.oil.leakage_m3_s_pa / area2;
+            out.legs[i].flow_speed_m_s = flow[i] + taken_up + leaked;
+        }
+        Ok(())
     }
 }

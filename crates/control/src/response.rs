@@ -9,6 +9,7 @@
 use core::f64::consts::TAU;
 
 use docktwin_core::{DVec3, Pose, Twist, Wrench};
+use docktwin_model::PositionLoop;
 use docktwin_physics::{
     platform::Platform,
     rig::{PortSpring, RigFault},
@@ -18,9 +19,9 @@ use nalgebra::{Complex, Matrix6, Vector6};
 use crate::{
     excitation::{along, displaced, displacement, swinging},
     feedforward::{MotionError, PlateMotion},
-    linear::{LinearInputs, LinearRig},
+    linear::{LinearInputs, LinearRig, Pole},
     planner::smooth,
-    rig::{ClosedRig, RigSetup, SetupError, TICK_S},
+    rig::{ClosedRig, DriveSetup, HydraulicSetup, RigSetup, SetupError, TICK_S},
 };
 
 type C = Complex<f64>;
@@ -40,6 +41,53 @@ pub struct Bench {
     /// knows it. Without, jerk is held over that time, which costs a few percent at 10 Hz where a
     /// mode is as low as 15 Hz.
     pub foreseen: bool,
+}
+
+/// A rig as a linear model.
+#[derive(Clone, Debug)]
+pub enum LinearModel {
+    /// On oil, with its controllers.
+    Oil(Box<LinearRig>),
+    /// Legs with equal position loops: every degree of freedom follows as a leg does, whatever the plate carries.
+    Loop(PositionLoop),
+}
+
+impl LinearModel {
+    /// From the commanded degrees of freedom to those of the plate at a frequency, Hz.
+    #[must_use]
+    pub fn response(&self, hz: f64) -> Option<Matrix6<C>> {
+        match self {
+            Self::Oil(rig) => rig.response(hz),
+            Self::Loop(l) => Some(Matrix6::from_diagonal_element(l.response(hz))),
+        }
+    }
+
+    /// The poles, slowest first.
+    #[must_use]
+    pub fn poles(&self) -> Option<Vec<Pole>> {
+        match self {
+            Self::Oil(rig) => rig.poles(),
+            Self::Loop(l) => {
+                let (w, z) = (TAU * l.natural_frequency_hz, l.damping_ratio);
+                let s = match z {
+                    None => vec![[-w, 0.0]],
+                    Some(z) if z < 1.0 => {
+                        let swing = w * (1.0 - z * z).sqrt();
+                        vec![[-z * w, swing], [-z * w, -swing]]
+                    }
+                    Some(z) => {
+                        let apart = w * (z * z - 1.0).sqrt();
+                        vec![[-z * w + apart, 0.0], [-z * w - apart, 0.0]]
+                    }
+                };
+                let pole = |s: [f64; 2]| {
+                    let size = s[0].hypot(s[1]);
+                    Pole { s, frequency_hz: size / TAU, damping: -s[0] / size }
+                };
+                Some(s.into_iter().map(pole).collect())
+            }
+        }
+    }
 }
 
 /// Why a measurement stopped.
@@ -334,7 +382,16 @@ impl Bench {
     /// The linear model of this bench, in the same degrees of freedom (rotations in rad). Legs are
     /// taken as the first one is. `None` in a singular pose.
     #[must_use]
-    pub fn linear(&self) -> Option<LinearRig> {
+    pub fn linear(&self) -> Option<LinearModel> {
+        match &self.setup.drive {
+            DriveSetup::Hydraulic(oil) => {
+                self.linear_on_oil(oil).map(|rig| LinearModel::Oil(Box::new(rig)))
+            }
+            DriveSetup::Loops { loops, .. } => Some(LinearModel::Loop(loops[0])),
+        }
+    }
+
+    fn linear_on_oil(&self, oil: &HydraulicSetup) -> Option<LinearRig> {
         let matrix = |platform: &Platform| {
             let c = platform.at(&platform.plate_from_docking(&self.x_34));
             let columns: [Vector6<f64>; 6] = core::array::from_fn(|i| {
@@ -352,9 +409,9 @@ impl Bench {
             mass,
             believed_mass,
             payload: Matrix6::from_diagonal(&Vector6::new(k.x, k.y, k.z, 0.0, 0.0, 0.0)),
-            leg: self.setup.legs[0],
-            believed_leg: self.setup.believed_legs[0],
-            tuning: self.setup.tuning,
+            leg: oil.legs[0],
+            believed_leg: oil.believed_legs[0],
+            tuning: oil.tuning,
             dead_time_s: self.setup.dead_time_s,
         })
     }
@@ -362,7 +419,7 @@ impl Bench {
     /// Response of the linear model at `hz` from every degree of freedom, scaled as a measured
     /// [`Point`].
     #[must_use]
-    pub fn linear_points(&self, linear: &LinearRig, hz: f64) -> Option<[Point; 6]> {
+    pub fn linear_points(&self, linear: &LinearModel, hz: f64) -> Option<[Point; 6]> {
         let g = linear.response(hz)?;
         let lever = |i: usize| if i < 3 { 1.0 } else { self.lever_m };
         Some(core::array::from_fn(|dof| Point {
@@ -374,7 +431,7 @@ impl Bench {
 
     /// [`Bench::linear_points`] from one degree of freedom.
     #[must_use]
-    pub fn linear_point(&self, linear: &LinearRig, dof: usize, hz: f64) -> Option<Point> {
+    pub fn linear_point(&self, linear: &LinearModel, dof: usize, hz: f64) -> Option<Point> {
         self.linear_points(linear, hz)?.get(dof).copied()
     }
 }

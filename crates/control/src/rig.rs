@@ -2,14 +2,16 @@
 //!
 //! Commands come once a tick and take effect after the dead time of the command path. Between
 //! commands the inner loops go on along the newest one: length with its speed and acceleration, flow
-//! and force with the rate between the last two commands.
+//! and force with the rate between the last two commands. Legs with position loops of their own take the
+//! lengths alone.
 
 use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
-use docktwin_model::{HydraulicPreset, Rig};
+use docktwin_model::{HydraulicPreset, LegLimits, PositionLoop, Rig};
 use docktwin_physics::{
     hydraulics::LegParameters,
     platform::Platform,
-    rig::{PerturbedRig, ReducedRig, RigFault, RigPlant, RigState},
+    position_loop::{LoopRig, LoopState},
+    rig::{BuiltLegs, PerturbedRig, ReducedRig, RigFault, RigPlant, RigState},
 };
 
 use crate::{
@@ -22,7 +24,9 @@ pub const TICK_S: f64 = 1e-3;
 /// Steps of the reduced rig in a tick: 0.125 ms, an eighth of the period of the fastest mode's radian.
 const PLANT_STEPS: u32 = 8;
 /// Commands that are on the way or in use; dead times up to this many ticks less two.
-const KEPT: usize = 12;
+const KEPT: usize = 52;
+/// Longest dead time, s.
+const MOST_DEAD_TIME_S: f64 = 0.050;
 
 /// What the rig answers after a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,8 +67,11 @@ pub enum SetupError {
         /// Of the inner loop, s.
         period_s: f64,
     },
+    /// A plant on oil for a rig without any.
+    #[error("the rig has no oil, and this form of a rig is moved by oil: take the reduced one")]
+    NoOil,
     /// Dead time out of range.
-    #[error("the dead time is {dead_time_s} s: set 0 to 0.010 s")]
+    #[error("the dead time is {dead_time_s} s: set 0 to {MOST_DEAD_TIME_S} s")]
     DeadTime {
         /// Asked for.
         dead_time_s: f64,
@@ -79,12 +86,33 @@ pub enum SetupError {
 pub struct RigSetup {
     /// Mass, geometry as built.
     pub platform: Platform,
-    /// Legs as built.
-    pub legs: [LegParameters; 6],
+    /// What moves the legs.
+    pub drive: DriveSetup,
     /// From command to controller, s.
     pub dead_time_s: f64,
     /// Mass, geometry as believed.
     pub believed_platform: Platform,
+}
+
+/// What moves the legs.
+#[derive(Clone, Debug)]
+pub enum DriveSetup {
+    /// Oil, with a controller around each leg.
+    Hydraulic(Box<HydraulicSetup>),
+    /// Position loops of their own.
+    Loops {
+        /// As built.
+        loops: Box<[PositionLoop; 6]>,
+        /// Of every leg.
+        limits: LegLimits,
+    },
+}
+
+/// Legs on oil and their controllers.
+#[derive(Clone, Debug)]
+pub struct HydraulicSetup {
+    /// Legs as built.
+    pub legs: [LegParameters; 6],
     /// Legs as believed.
     pub believed_legs: [LegParameters; 6],
     /// Tuning of the inner loops.
@@ -96,22 +124,49 @@ impl RigSetup {
     /// file's spread, and the controllers still believe the file.
     #[must_use]
     pub fn of_rig(rig: &Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
-        let model = LegParameters::of_rig(rig, preset);
         let PerturbedRig { rig: built, legs } = PerturbedRig::of(rig, preset, seed);
+        let drive = match (legs, PerturbedRig::of(rig, preset, None).legs) {
+            (BuiltLegs::Hydraulic(legs), BuiltLegs::Hydraulic(believed_legs)) => {
+                let tuning = LegTuning::preset(preset, &believed_legs[0]);
+                DriveSetup::Hydraulic(Box::new(HydraulicSetup { legs, believed_legs, tuning }))
+            }
+            (BuiltLegs::Loops(loops), _) | (_, BuiltLegs::Loops(loops)) => {
+                DriveSetup::Loops { loops: Box::new(loops), limits: rig.limits }
+            }
+        };
         Self {
             platform: Platform::new(&built),
-            legs,
-            dead_time_s: built.valve.dead_time_s,
+            drive,
+            dead_time_s: built.drive.dead_time_s(),
             believed_platform: Platform::new(rig),
-            believed_legs: [model; 6],
-            tuning: LegTuning::preset(preset, &model),
+        }
+    }
+
+    /// Legs on oil, if that moves them.
+    #[must_use]
+    pub fn hydraulic(&self) -> Option<&HydraulicSetup> {
+        match &self.drive {
+            DriveSetup::Hydraulic(h) => Some(h),
+            DriveSetup::Loops { .. } => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn hydraulic_mut(&mut self) -> Option<&mut HydraulicSetup> {
+        match &mut self.drive {
+            DriveSetup::Hydraulic(h) => Some(h),
+            DriveSetup::Loops { .. } => None,
         }
     }
 
     /// The feed-forward that belongs to what is believed.
     #[must_use]
     pub fn feedforward(&self) -> Feedforward {
-        Feedforward::new(self.believed_platform.clone(), self.believed_legs, &self.tuning)
+        let platform = self.believed_platform.clone();
+        match &self.drive {
+            DriveSetup::Hydraulic(h) => Feedforward::new(platform, h.believed_legs, &h.tuning),
+            DriveSetup::Loops { .. } => Feedforward::of_lengths(platform),
+        }
     }
 }
 
@@ -130,7 +185,7 @@ impl<T: Copy> CommandPath<T> {
     /// # Errors
     /// A dead time out of range.
     pub(crate) fn new(rest: T, dead_time_s: f64) -> Result<Self, SetupError> {
-        if !(0.0..=0.010).contains(&dead_time_s) {
+        if !(0.0..=MOST_DEAD_TIME_S).contains(&dead_time_s) {
             return Err(SetupError::DeadTime { dead_time_s });
         }
         Ok(Self { kept: [rest; KEPT], taken: KEPT as u64, dead_time_s })
@@ -207,28 +262,68 @@ impl RigCommand {
 /// A rig that runs: plant, controllers and command path.
 #[derive(Clone, Debug)]
 pub struct ClosedRig<P = ReducedRig> {
+    driven: Driven<P>,
+    state: RigState,
+    path: CommandPath<RigCommand>,
+    /// The plate goes where it is commanded, without oil, valves, seals and loops.
+    exact: bool,
+}
+
+/// What moves the plate.
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a rig has one of them, for as long as it lives")]
+enum Driven<P> {
+    Hydraulic(OilRig<P>),
+    Loops(LoopRig, LoopState),
+}
+
+/// A plant on oil and the controllers of its legs.
+#[derive(Clone, Debug)]
+struct OilRig<P> {
     plant: P,
     controllers: [LegController; 6],
     valve_delay_s: f64,
     samples: u32,
     /// Of the plant, a sample.
     steps: u32,
-    state: RigState,
     valves: [f64; 6],
-    path: CommandPath<RigCommand>,
-    /// The plate goes where it is commanded, without oil, valves and seals.
-    exact: bool,
 }
 
 impl ClosedRig {
-    /// The reduced rig of a setup, as [`ClosedRig::with_plant`].
+    /// The reduced rig of a setup, as [`ClosedRig::with_plant`], or its legs with position loops.
     ///
     /// # Errors
     /// See [`SetupError`].
     pub fn new(setup: &RigSetup, x_bp: &Pose) -> Result<Self, SetupError> {
         let step_s = TICK_S / f64::from(PLANT_STEPS);
-        Self::with_plant(ReducedRig::new(setup.platform.clone(), &setup.legs, step_s), setup, x_bp)
+        let platform = setup.platform.clone();
+        match &setup.drive {
+            DriveSetup::Hydraulic(h) => {
+                Self::with_plant(ReducedRig::new(platform, &h.legs, step_s), setup, x_bp)
+            }
+            DriveSetup::Loops { loops, limits } => {
+                let rig = LoopRig::new(platform, loops, limits, step_s);
+                let (state, own) =
+                    rig.at_rest(x_bp, &Wrench::ZERO).map_err(|_| SetupError::Start)?;
+                let path = resting(&state, &own.force_n, setup.dead_time_s)?;
+                Ok(Self { driven: Driven::Loops(rig, own), state, path, exact: false })
+            }
+        }
     }
+}
+
+/// A path that has long carried the command to stay, the legs pushing with these forces, N.
+fn resting(
+    state: &RigState,
+    force_n: &[f64; 6],
+    dead_time_s: f64,
+) -> Result<CommandPath<RigCommand>, SetupError> {
+    let mut legs = [LegCommand::default(); 6];
+    for (i, leg) in legs.iter_mut().enumerate() {
+        leg.length_m = state.length_m[i];
+        leg.force_n = force_n[i];
+    }
+    CommandPath::new(RigCommand { legs, x_bp: state.x_bp, twist: Twist::default() }, dead_time_s)
 }
 
 impl<P: RigPlant> ClosedRig<P> {
@@ -239,45 +334,60 @@ impl<P: RigPlant> ClosedRig<P> {
     /// # Errors
     /// See [`SetupError`].
     pub fn with_plant(mut plant: P, setup: &RigSetup, x_bp: &Pose) -> Result<Self, SetupError> {
-        let samples = samples_per_tick(setup.tuning.rate_hz)?;
+        let oil = setup.hydraulic().ok_or(SetupError::NoOil)?;
+        let samples = samples_per_tick(oil.tuning.rate_hz)?;
         let step_s = plant.step_s();
         let steps = (TICK_S / f64::from(samples) / step_s).round();
         if steps < 1.0 || (steps * step_s * f64::from(samples) / TICK_S - 1.0).abs() > 1e-9 {
             return Err(SetupError::Step { step_s, period_s: TICK_S / f64::from(samples) });
         }
         let state = plant.rest(x_bp, &Wrench::ZERO).map_err(|_| SetupError::Start)?;
-        let mut legs = [LegCommand::default(); 6];
-        for (i, leg) in legs.iter_mut().enumerate() {
-            leg.length_m = state.length_m[i];
-            leg.force_n = state.legs[i].pressure_pa * setup.legs[i].oil.area_m2;
-        }
-        let rest = RigCommand { legs, x_bp: *x_bp, twist: Twist::default() };
-        let feedforward = setup.feedforward();
-        Ok(Self {
+        let force_n = core::array::from_fn(|i| state.legs[i].pressure_pa * oil.legs[i].oil.area_m2);
+        let path = resting(&state, &force_n, setup.dead_time_s)?;
+        let driven = OilRig {
             plant,
-            controllers: setup.believed_legs.map(|leg| LegController::new(setup.tuning, leg)),
-            valve_delay_s: feedforward.valve_delay_s(),
+            controllers: oil.believed_legs.map(|leg| LegController::new(oil.tuning, leg)),
+            valve_delay_s: setup.feedforward().valve_delay_s(),
             samples,
             steps: steps as u32,
-            state,
             valves: [0.0; 6],
-            path: CommandPath::new(rest, setup.dead_time_s)?,
-            exact: false,
-        })
+        };
+        Ok(Self { driven: Driven::Hydraulic(driven), state, path, exact: false })
     }
 
-    /// With legs that do exactly what they are commanded, after the dead time: neither oil nor valves nor seals, and
-    /// no load that moves them. What a rig differs by because of its legs is found by comparing with this.
+    /// With legs that do exactly what they are commanded, after the dead time: neither oil nor valves nor seals nor
+    /// loops, and no load that moves them. What a rig differs by because of its legs is found by comparing with this.
     #[must_use]
     pub const fn exact(mut self) -> Self {
         self.exact = true;
         self
     }
 
-    /// The plant.
+    /// The plant on oil, if oil moves it.
     #[must_use]
-    pub const fn plant(&self) -> &P {
-        &self.plant
+    pub const fn plant(&self) -> Option<&P> {
+        match &self.driven {
+            Driven::Hydraulic(oil) => Some(&oil.plant),
+            Driven::Loops(..) => None,
+        }
+    }
+
+    /// Kinematics and rigid dynamics as built.
+    #[must_use]
+    pub fn platform(&self) -> &Platform {
+        match &self.driven {
+            Driven::Hydraulic(oil) => oil.plant.platform(),
+            Driven::Loops(rig, _) => rig.platform(),
+        }
+    }
+
+    /// The step, s.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        match &self.driven {
+            Driven::Hydraulic(oil) => oil.plant.step_s(),
+            Driven::Loops(rig, _) => rig.step_s(),
+        }
     }
 
     /// The state of the plant.
@@ -301,20 +411,16 @@ impl<P: RigPlant> ClosedRig<P> {
             self.follow(external);
             return Ok(self.measure());
         }
-        let sample_s = TICK_S / f64::from(self.samples);
-        for k in 0..self.samples {
-            let (now, before, since) = self.path.at(f64::from(k) * sample_s);
-            let (lengths, legs) = (&self.state.length_m, &self.state.legs);
-            for (i, (controller, valve)) in
-                self.controllers.iter_mut().zip(&mut self.valves).enumerate()
-            {
-                let target = now.legs[i].target(&before.legs[i], since, self.valve_delay_s);
-                let measured =
-                    LegMeasurement { length_m: lengths[i], pressure_pa: legs[i].pressure_pa };
-                *valve = controller.step(&target, &measured);
-            }
-            for _ in 0..self.steps {
-                self.plant.advance(&mut self.state, &self.valves, &mut external)?;
+        match &mut self.driven {
+            Driven::Hydraulic(oil) => oil.tick(&self.path, &mut self.state, &mut external)?,
+            Driven::Loops(rig, own) => {
+                for k in 0..steps_of(rig.step_s()) {
+                    let (now, before, since) = self.path.at((f64::from(k) + 0.5) * rig.step_s());
+                    let targets = core::array::from_fn(|i| {
+                        now.legs[i].target(&before.legs[i], since, 0.0).length_m
+                    });
+                    rig.step(&mut self.state, own, &targets, &mut external)?;
+                }
             }
         }
         Ok(self.measure())
@@ -322,9 +428,8 @@ impl<P: RigPlant> ClosedRig<P> {
 
     /// A tick of legs without dynamics.
     fn follow(&mut self, mut external: impl FnMut(&Pose, &Twist) -> Wrench) {
-        let step_s = self.plant.step_s();
-        let steps = self.samples * self.steps;
-        for k in 0..steps {
+        let step_s = self.step_s();
+        for k in 0..steps_of(step_s) {
             let at = |part: f64| {
                 let (now, before, since) = self.path.at((f64::from(k) + part) * step_s);
                 now.motion(before, since)
@@ -334,20 +439,27 @@ impl<P: RigPlant> ClosedRig<P> {
             let s = &mut self.state;
             (s.x_bp, s.twist, s.acceleration) = (x_bp, end, acceleration);
         }
-        self.state.length_m = self.plant.platform().at(&self.state.x_bp).length_m;
+        self.state.length_m = self.platform().at(&self.state.x_bp).length_m;
     }
 
     /// What sensors and truth say now.
     #[must_use]
     pub fn measure(&self) -> RigMeasurement {
         let s = &self.state;
-        let c = self.plant.platform().at(&s.x_bp);
-        let area = |i: usize| self.controllers[i].model().oil.area_m2;
+        let c = self.platform().at(&s.x_bp);
+        let (force_n, spool) = match &self.driven {
+            Driven::Hydraulic(oil) => {
+                let area = |i: usize| oil.controllers[i].model().oil.area_m2;
+                let force_n = core::array::from_fn(|i| s.legs[i].pressure_pa * area(i));
+                (force_n, s.legs.map(|leg| leg.spool))
+            }
+            Driven::Loops(_, own) => (own.force_n, [0.0; 6]),
+        };
         RigMeasurement {
             length_m: s.length_m,
             speed_m_s: c.rates(&s.twist),
-            force_n: core::array::from_fn(|i| s.legs[i].pressure_pa * area(i)),
-            spool: s.legs.map(|leg| leg.spool),
+            force_n,
+            spool,
             x_bp: s.x_bp,
             twist: s.twist,
             acceleration: s.acceleration,
@@ -359,10 +471,49 @@ impl<P: RigPlant> ClosedRig<P> {
     pub fn digest(&self) -> Digest {
         let mut h = StateHasher::new();
         self.state.hash_into(&mut h);
-        for (c, v) in self.controllers.iter().zip(self.valves) {
-            c.hash_into(&mut h);
-            h.f64(v);
+        match &self.driven {
+            Driven::Hydraulic(oil) => {
+                for (c, v) in oil.controllers.iter().zip(oil.valves) {
+                    c.hash_into(&mut h);
+                    h.f64(v);
+                }
+            }
+            Driven::Loops(_, own) => own.hash_into(&mut h),
         }
         h.finish()
+    }
+}
+
+/// Steps of a plant in a tick; its step fits into it a whole number of times.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a handful")]
+fn steps_of(step_s: f64) -> u32 {
+    (TICK_S / step_s).round() as u32
+}
+
+impl<P: RigPlant> OilRig<P> {
+    fn tick(
+        &mut self,
+        path: &CommandPath<RigCommand>,
+        state: &mut RigState,
+        external: &mut impl FnMut(&Pose, &Twist) -> Wrench,
+    ) -> Result<(), RigFault> {
+        let sample_s = TICK_S / f64::from(self.samples);
+        for k in 0..self.samples {
+            let (now, before, since) = path.at(f64::from(k) * sample_s);
+            for (i, (controller, valve)) in
+                self.controllers.iter_mut().zip(&mut self.valves).enumerate()
+            {
+                let target = now.legs[i].target(&before.legs[i], since, self.valve_delay_s);
+                let measured = LegMeasurement {
+                    length_m: state.length_m[i],
+                    pressure_pa: state.legs[i].pressure_pa,
+                };
+                *valve = controller.step(&target, &measured);
+            }
+            for _ in 0..self.steps {
+                self.plant.advance(state, &self.valves, &mut *external)?;
+            }
+        }
+        Ok(())
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use docktwin_control::{
     feedforward::PlateMotion,
-    response::{Bench, Sweep},
+    response::{Bench, LinearModel, Sweep},
     rig::{ClosedRig, RigSetup, SetupError},
 };
 use docktwin_core::{DVec3, Twist, Wrench};
@@ -71,7 +71,8 @@ fn oracle_poles_are_stable_and_damped_for_every_payload() {
             for k in [0.0, 1e3, 1e4, 1e5, 1e6] {
                 for axis in [DVec3::X, DVec3::Y] {
                     let l = bench(&rig, preset, place, axis * k).linear().unwrap();
-                    let damping = l.least_damping(1000.0).unwrap();
+                    let LinearModel::Oil(on_oil) = &l else { panic!("it is on oil") };
+                    let damping = on_oil.least_damping(1000.0).unwrap();
                     assert!(damping >= 0.1, "{word} {place:?} {k} N/m: {damping}");
                 }
             }
@@ -86,12 +87,12 @@ fn oracle_open_poles_are_the_hydraulic_frequencies_of_the_effective_masses() {
     let rig = file();
     for (_, preset) in HydraulicPreset::WORDS {
         let mut b = bench(&rig, preset, CORNER, DVec3::ZERO);
-        b.setup.tuning.position_gain_1_s = 1e-3;
-        b.setup.tuning.pressure_gain_m_s_n = 1e-12;
+        b.setup.hydraulic_mut().unwrap().tuning.position_gain_1_s = 1e-3;
+        b.setup.hydraulic_mut().unwrap().tuning.pressure_gain_m_s_n = 1e-12;
         let platform = &b.setup.platform;
         let c = platform.at(&platform.plate_from_docking(&b.x_34));
         let poles = b.linear().unwrap().poles().unwrap();
-        let leg = &b.setup.legs[0];
+        let leg = &b.setup.hydraulic().unwrap().legs[0];
         for mass in platform.effective_masses_kg(&c).unwrap() {
             let hz = leg.oil.natural_frequency_hz(mass);
             let a2 = leg.oil.area_m2 * leg.oil.area_m2;
@@ -114,8 +115,9 @@ fn oracle_an_ideal_rig_follows_the_linear_model() {
     for (word, preset) in HydraulicPreset::WORDS {
         let mut b = bench(&rig, preset, CORNER, DVec3::Y * 1e6);
         b.foreseen = true;
-        b.setup.legs = b.setup.legs.map(|l| l.ideal());
-        b.setup.believed_legs = b.setup.believed_legs.map(|l| l.ideal());
+        let oil = b.setup.hydraulic_mut().unwrap();
+        oil.legs = oil.legs.map(|l| l.ideal());
+        oil.believed_legs = oil.believed_legs.map(|l| l.ideal());
         let linear = b.linear().unwrap();
         for (dof, hz) in [(1, 2.0), (1, 5.0), (1, 10.0), (3, 10.0)] {
             let m = b.stepped_sine(dof, 0.25 * amplitude(dof), hz, 1.5, 0.5).unwrap();
@@ -149,7 +151,8 @@ fn invariant_friction_feedforward_helps() {
     let rig = file();
     let mut b = bench(&rig, HydraulicPreset::Printed, [0.0; 6], DVec3::ZERO);
     let with = b.stepped_sine(1, 5e-4, 2.0, 1.0, 1.0).unwrap();
-    b.setup.believed_legs = b.setup.believed_legs.map(|l| l.ideal());
+    let oil = b.setup.hydraulic_mut().unwrap();
+    oil.believed_legs = oil.believed_legs.map(|l| l.ideal());
     let without = b.stepped_sine(1, 5e-4, 2.0, 1.0, 1.0).unwrap();
     let off = |r: nalgebra::Complex<f64>| (r - nalgebra::Complex::new(0.0, -0.0251).exp()).norm();
     println!("{} {}", off(with.response[1]), off(without.response[1]));
@@ -160,9 +163,11 @@ fn invariant_friction_feedforward_helps() {
 fn oracle_a_null_bias_stands_off_by_its_flow_over_the_position_gain() {
     let rig = file();
     let mut setup = RigSetup::of_rig(&rig, HydraulicPreset::Stiff, None);
-    setup.legs = setup.legs.map(|l| l.ideal());
-    setup.legs[2].valve.null_bias = 0.003;
-    setup.believed_legs = setup.believed_legs.map(|l| l.ideal());
+    let oil = setup.hydraulic_mut().unwrap();
+    oil.legs = oil.legs.map(|l| l.ideal());
+    oil.legs[2].valve.null_bias = 0.003;
+    oil.believed_legs = oil.believed_legs.map(|l| l.ideal());
+    let position_gain_1_s = oil.tuning.position_gain_1_s;
     let middle = rig.middle();
     let mut closed = ClosedRig::new(&setup, &middle).unwrap();
     let command = setup.feedforward().command(&PlateMotion::rest(middle)).unwrap();
@@ -171,7 +176,7 @@ fn oracle_a_null_bias_stands_off_by_its_flow_over_the_position_gain() {
         last = closed.tick(&command, |_, _| Wrench::ZERO).unwrap();
     }
     let off = last.length_m[2] - command.legs[2].length_m;
-    let exact = 0.003 * 0.7 / setup.tuning.position_gain_1_s;
+    let exact = 0.003 * 0.7 / position_gain_1_s;
     assert!((off / exact - 1.0).abs() < 0.02, "{off} against {exact}");
     let other = last.length_m[5] - command.legs[5].length_m;
     assert!(other.abs() < 0.02 * exact, "{other}");
@@ -198,10 +203,10 @@ fn invariant_the_same_seed_is_the_same_rig() {
 fn invariant_impossible_settings_are_refused() {
     let rig = file();
     let mut setup = RigSetup::of_rig(&rig, HydraulicPreset::Printed, None);
-    setup.tuning.rate_hz = 3000.0;
+    setup.hydraulic_mut().unwrap().tuning.rate_hz = 3000.0;
     let refused = ClosedRig::new(&setup, &rig.middle()).map(|_| ());
     assert!(matches!(refused, Err(SetupError::Rate { .. })), "{refused:?}");
-    setup.tuning.rate_hz = 2000.0;
+    setup.hydraulic_mut().unwrap().tuning.rate_hz = 2000.0;
     setup.dead_time_s = f64::NAN;
     let refused = ClosedRig::new(&setup, &rig.middle()).map(|_| ());
     assert!(matches!(refused, Err(SetupError::DeadTime { .. })), "{refused:?}");

@@ -170,7 +170,8 @@ fn invariant_one_tick_late_is_seen() {
 fn oracle_the_running_leg_is_its_linear_model() {
     for (word, preset) in HydraulicPreset::WORDS {
         for compensation in [Compensation::None, Compensation::Ahead] {
-            let mut s = SingleDofSetup::of_rig(&rig(), preset).with(compensation);
+            let mut s = SingleDofSetup::of_drive(rig().drive.hydraulic().unwrap(), preset)
+                .with(compensation);
             (s.leg, s.believed_leg) = (s.leg.ideal(), s.believed_leg.ideal());
             for payload in [0.0, K] {
                 let linear = LinearSimulator::new(&s, payload).unwrap();
@@ -191,7 +192,8 @@ fn oracle_the_running_leg_is_its_linear_model() {
 #[test]
 fn oracle_compensation_brings_the_interface_near_one() {
     for (word, preset) in HydraulicPreset::WORDS {
-        let s = SingleDofSetup::of_rig(&rig(), preset).with(Compensation::Ahead);
+        let s = SingleDofSetup::of_drive(rig().drive.hydraulic().unwrap(), preset)
+            .with(Compensation::Ahead);
         for payload in [0.0, K] {
             for hz in [0.5, 2.0, 5.0] {
                 let g = measure(&s, payload, 2e-3, hz).unwrap() * s.sensor.response(s_of(hz));
@@ -206,7 +208,7 @@ fn oracle_compensation_brings_the_interface_near_one() {
 #[test]
 fn oracle_the_loop_diverges_as_7_says() {
     for (word, preset) in HydraulicPreset::WORDS {
-        let mut s = SingleDofSetup::of_rig(&rig(), preset);
+        let mut s = SingleDofSetup::of_drive(rig().drive.hydraulic().unwrap(), preset);
         (s.leg, s.believed_leg) = (s.leg.ideal(), s.believed_leg.ideal());
         let linear = LinearSimulator::new(&s, K).unwrap();
         // Newton for m_r p² + K G_I(p) = 0 from the undamped frequency, G_I continued off the axis by
@@ -266,7 +268,8 @@ fn regress_an_interface_that_cannot_be_is_refused() {
         let e = d.hil(&Interface::Ideal { delay_s }, 10).unwrap_err();
         assert!(matches!(e, SetupError::DeadTime { .. }), "{e}");
     }
-    let mut s = SingleDofSetup::of_rig(&rig(), HydraulicPreset::Printed);
+    let mut s =
+        SingleDofSetup::of_drive(rig().drive.hydraulic().unwrap(), HydraulicPreset::Printed);
     s.tuning.rate_hz = 3000.0;
     assert!(matches!(measure(&s, 0.0, 1e-3, 1.0), Err(SetupError::Rate { .. })));
 }

@@ -44,6 +44,9 @@ pub(crate) struct OnRigArgs {
     /// TOML of the rig [default: as the scenario says, or models/urdf/stewart.toml]
     #[arg(long, value_name = "RIG.toml")]
     pub(crate) model: Option<PathBuf>,
+    /// File of `rig identify`: null bias and flow gain are corrected, delay and lead are its own
+    #[arg(long, value_name = "FILE")]
+    pub(crate) identification: Option<PathBuf>,
     /// Override a key of the scenario, repeatable
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub(crate) set: Vec<String>,
@@ -69,6 +72,7 @@ impl OnRigArgs {
             compensator: self.compensator,
             lead_s: self.lead_ms.map(|ms| ms * 1e-3),
             model: self.model.clone(),
+            identification: self.identification.clone(),
             seed: self.seed,
             perturb: self.perturb,
             mechanism,

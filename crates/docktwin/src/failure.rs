@@ -147,7 +147,7 @@ impl From<RigError> for Failure {
                  the gains with --set, or give a smaller --amplitude-mm"
             }
             RigError::Response { .. } => "mend the rig file, or the settings given with --set",
-            RigError::Options { .. } => e.remedy(),
+            RigError::NoOil { .. } | RigError::Options { .. } => e.remedy(),
         };
         Self::Usage { what: e.to_string(), remedy: remedy.to_owned() }
     }

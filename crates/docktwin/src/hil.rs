@@ -74,9 +74,6 @@ pub(crate) struct HilArgs {
     led: LedArgs,
     #[command(flatten)]
     on_rig: OnRigArgs,
-    /// File of `rig identify`: null bias and flow gain are corrected, delay and lead are its own
-    #[arg(long, value_name = "FILE")]
-    identification: Option<PathBuf>,
     /// File of `rig calibrate`: what sensor B carries is its own
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
@@ -193,7 +190,6 @@ impl HilArgs {
         Ok(HilOptions {
             place: self.rig.clone(),
             clock: self.led.clock.kind(),
-            identification: self.identification.clone(),
             calibration: self.calibration.clone(),
             dry_run: self.dry_run,
             ..self.on_rig.options()?
@@ -236,6 +232,11 @@ fn tell(s: &Summary, scenario: &Scenario, out: &Path) {
         }
     }
     if let Some(l) = &s.loop_ {
+        if let (Some(lead), Some(believed)) = (l.lead_ms, l.believed_lead_ms) {
+            println!(
+                "  lead           {lead:.3} ms; believed to undo the rig and sensor A {believed:.3} ms"
+            );
+        }
         println!(
             "  loop           late {}, missed {}; wake-up p50 {:.1} µs, p99 {:.1} µs, max {:.1} µs",
             l.late, l.missed, l.lateness_us.p50, l.lateness_us.p99, l.lateness_us.max

@@ -67,7 +67,8 @@ In the order in which one thing hides another: null bias of every valve at stand
 a slow move along X, delay from time stamps with both corrected, then the response along every
 degree of freedom by sines of the amplitude of a contact, 0.235 to 10 Hz. Takes about four minutes
 of the rig's time; --dof takes less. Nothing may touch: in an emulation a spring stick is taken out
-of its frame.
+of its frame. A rig without valves, or one that does not report their openings, has no bias and no
+gain to be found; delay and response need the plate's pose alone.
 
 A rig behind a port moves when somebody confirms it. The file is dated and never overwritten; `hil`
 refers to it by digest.
@@ -75,7 +76,8 @@ refers to it by digest.
 Examples:
   docktwin rig identify --rig emulated --model models/urdf/stewart.toml --perturb 7
   docktwin rig identify --rig emulated --model models/urdf/stewart.toml --dof x --dof y --json
-  docktwin rig identify --rig ipc:lab --model models/urdf/stewart.toml --yes --out lab/legs.toml";
+  docktwin rig identify --rig ipc:lab --model models/urdf/stewart.toml --yes --out lab/legs.toml
+  docktwin rig identify --rig emulated --model models/urdf/electric_hexapod.toml --drive drive.toml";
 
 const RETRACT: &str = "\
 A run leaves the rig where it ended: docked, often. The rig opens its latches, as far as they have
@@ -173,6 +175,9 @@ pub(crate) struct IdentifyArgs {
     /// Free way along X about the place, mm; a shorter one tells less of the flow gain
     #[arg(long, value_name = "MM", default_value_t = 200.0, value_parser = room_mm)]
     room_mm: f64,
+    /// Write the response also as the table [drive] of a rig's file whose drive is `measured`
+    #[arg(long, value_name = "FILE")]
+    drive: Option<PathBuf>,
 }
 
 fn between(text: &str, least: f64, most: f64) -> Result<f64, String> {

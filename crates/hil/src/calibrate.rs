@@ -82,7 +82,8 @@ pub enum CalibrateError {
     Drive(#[from] DriveError),
     /// A force sensor is missing.
     #[error(
-        "the rig has no sensor A, or no sensor B (capability bits 12 and 13): both are calibrated"
+        "the rig has no sensor A, or no sensor B (capability bits 12 and 13), and what B carries and how late \
+         it is are what a calibration finds: go without one, a run with sensor A alone takes its own tare"
     )]
     NoSensor,
     /// Too few measurements.

@@ -1,5 +1,5 @@
-//! The emulated rig: hydraulics, plate, legs and their control, both mechanisms with their weight, and
-//! the sensors: a model of a physical rig with the same commands.
+//! The emulated rig: drives, plate, legs and their control, both mechanisms with their weight, and
+//! the sensors that its file has: a model of a physical rig with the same commands.
 //!
 //! With a seed it is a rig as built, drawn within the spread of its file; the loop still believes the
 //! file. So may be the mechanism on it, and where it is mounted ([`Article`]). Everything is a function of the seed and the commands, so two runs are the same bit by bit.
@@ -11,7 +11,7 @@ use docktwin_control::{
     rig::{ClosedRig, RigMeasurement as RigReading, RigSetup, SetupError, TICK_S},
 };
 use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
-use docktwin_model::{HydraulicPreset, Rig, RigSensors, SixAxisSensor};
+use docktwin_model::{Drive, HydraulicPreset, Rig, RigSensors, SixAxisSensor};
 use docktwin_physics::{
     mechanism::{LatchPhase, RING, System},
     mounted::{Article, Carried, Mounted, Payload},
@@ -101,7 +101,8 @@ pub struct EmulatedRig<P = ReducedRig> {
     /// Control wrench on the chaser, where the rack gives way as the chaser does.
     pushed: Pushed,
     touched: bool,
-    sensors: [Sensor; 2],
+    sensor_a: Sensor,
+    sensor_b: Option<Sensor>,
     accelerometer: Option<Sensor>,
     carried: OnSensors,
     model: RigSensors,
@@ -151,7 +152,7 @@ impl<P: RigPlant> EmulatedRig<P> {
         let article = article.into();
         let (system, standing) = (article.system.clone(), article.on(rig));
         let model = rig.sensors.ok_or(EmulationError::Sensors)?;
-        let step_s = closed.plant().step_s();
+        let step_s = closed.step_s();
         let x_bp = closed.state().x_bp;
         // What A carries and the ring has weight of its own.
         let mut on_rack = Payload::of(rig.active_payload, &rig.x_03);
@@ -191,7 +192,8 @@ impl<P: RigPlant> EmulatedRig<P> {
             standing,
             article,
             touched: false,
-            sensors: [sensor(0, model.force, 0), sensor(1, model.force, 1)],
+            sensor_a: sensor(0, model.force, 0),
+            sensor_b: model.plate_force.then(|| sensor(1, model.force, 1)),
             accelerometer: model.accelerometer.map(|file| sensor(2, file, 3)),
             carried,
             model,
@@ -357,8 +359,10 @@ impl<P: RigPlant> EmulatedRig<P> {
             }
         };
         self.mounted.push(self.pushed.get());
-        let Self { closed, article, mounted, sensors, accelerometer, carried, middle, .. } = self;
-        let step_s = closed.plant().step_s();
+        let Self { closed, article, mounted, carried, middle, .. } = self;
+        let (sensor_a, sensor_b) = (&mut self.sensor_a, &mut self.sensor_b);
+        let accelerometer = &mut self.accelerometer;
+        let step_s = closed.step_s();
         let done = closed.tick(command, |x_bp, twist| {
             let (on_plate, ports) = mounted.advance(x_bp, twist);
             // Slope between the last two middles, carried on by half of its change.
@@ -372,8 +376,10 @@ impl<P: RigPlant> EmulatedRig<P> {
                 Self::on_sensors(carried, weight, x_bp, twist, &acceleration);
             let at_3 = article.at_seat(0, ports.port3);
             let at_4 = article.at_seat(1, ports.port4);
-            sensors[0].step([at_3.f + a[0], at_3.m + a[1]]);
-            sensors[1].step([at_4.f + b[0], at_4.m + b[1]]);
+            sensor_a.step([at_3.f + a[0], at_3.m + a[1]]);
+            if let Some(s) = sensor_b {
+                s.step([at_4.f + b[0], at_4.m + b[1]]);
+            }
             if let Some(s) = accelerometer {
                 s.step(accelerations);
             }
@@ -401,7 +407,7 @@ impl<P: RigPlant> EmulatedRig<P> {
     fn measure(&mut self) -> RigMeasurement {
         let mut m = RigMeasurement {
             capabilities: HOLDS,
-            drive: DriveKind::Hydraulic as u32,
+            drive: self.drive_kind() as u32,
             leg_count: LEGS as u32,
             ..RigMeasurement::zero()
         };
@@ -421,12 +427,40 @@ impl<P: RigPlant> EmulatedRig<P> {
         m.truth_port4 = six(ports.port4.f, ports.port4.m);
         let mut h = StateHasher::chained(self.closed.digest());
         self.mounted.hash_into(&mut h);
-        self.sensors.iter().chain(&self.accelerometer).for_each(|s| s.hash_into(&mut h));
+        let sensors = [Some(&self.sensor_a), self.sensor_b.as_ref(), self.accelerometer.as_ref()];
+        sensors.into_iter().flatten().for_each(|s| s.hash_into(&mut h));
         m.state_digest = h.finish().short();
         m
     }
 
+    const fn drive_kind(&self) -> DriveKind {
+        match &self.rig.drive {
+            Drive::Hydraulic(_) => DriveKind::Hydraulic,
+            Drive::PositionLoop(_) | Drive::Measured(_) => DriveKind::PositionLoop,
+        }
+    }
+
+    /// What the encoders of legs with position loops read; their speeds are differences over the window.
+    fn read_encoders(&mut self, s: &RigReading, m: &mut RigMeasurement) {
+        let (model, noise) = (&self.model, &mut self.noise);
+        let mut read = |x: f64, part: f64| {
+            quantised(
+                x + model.length_noise_m * part * noise.normal(),
+                model.length_quantum_m * part,
+            )
+        };
+        for i in 0..LEGS {
+            m.leg_length_m[i] = read(s.length_m[i], 1.0);
+            m.leg_speed_m_s[i] = read(s.speed_m_s[i], 1.0 / SPEED_WINDOW_S);
+        }
+    }
+
     fn read_legs(&mut self, s: &RigReading, m: &mut RigMeasurement) {
+        if self.rig.drive.hydraulic().is_none() {
+            self.read_encoders(s, m);
+            return;
+        }
+        m.capabilities |= Capabilities::LEG_FORCE | Capabilities::VALVE_SPOOL;
         let (model, noise) = (&self.model, &mut self.noise);
         for i in 0..LEGS {
             m.leg_length_m[i] = quantised(
@@ -441,12 +475,15 @@ impl<P: RigPlant> EmulatedRig<P> {
     }
 
     fn read_sensors(&mut self, m: &mut RigMeasurement) {
-        let [a, b] = &mut self.sensors;
-        let (a, b) = (a.read(self.time_s), b.read(self.time_s));
+        let a = self.sensor_a.read(self.time_s);
         m.sensor_a = six(a.value[0], a.value[1]);
-        m.sensor_b = six(b.value[0], b.value[1]);
         m.status.set(Status::SENSOR_A_SATURATED, a.saturated);
-        m.status.set(Status::SENSOR_B_SATURATED, b.saturated);
+        if let Some(s) = &mut self.sensor_b {
+            let b = s.read(self.time_s);
+            m.sensor_b = six(b.value[0], b.value[1]);
+            m.capabilities |= Capabilities::SENSOR_B;
+            m.status.set(Status::SENSOR_B_SATURATED, b.saturated);
+        }
         if let Some(s) = &mut self.accelerometer {
             let read = s.read(self.time_s);
             m.plate_acceleration = six(read.value[0], read.value[1]);
@@ -478,10 +515,7 @@ impl<P: RigPlant> EmulatedRig<P> {
 /// What of its measurements always holds.
 const HOLDS: Capabilities = Capabilities::LEG_LENGTH
     .union(Capabilities::LEG_SPEED)
-    .union(Capabilities::LEG_FORCE)
-    .union(Capabilities::VALVE_SPOOL)
     .union(Capabilities::SENSOR_A)
-    .union(Capabilities::SENSOR_B)
     .union(Capabilities::TRUTH);
 
 impl<P: RigPlant> Plant for EmulatedRig<P> {

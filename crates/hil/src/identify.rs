@@ -1,6 +1,9 @@
 //! Identification of a rig by driving it through the rig port (§5, §6). Each step needs the result
 //! of the one before: null bias at standstill, flow gain on a slow move, then the delay from time
 //! stamps, then the frequency response at the amplitude of a contact.
+//!
+//! Bias and gain are looked for where there are valves, and the rig reports openings, lengths and forces; the
+//! figures of the legs where it reports lengths. Delay and response need the plate's pose alone.
 
 use core::f64::consts::TAU;
 
@@ -25,8 +28,8 @@ use crate::{
 /// What is to be identified, and where.
 #[derive(Clone, Debug)]
 pub struct IdentifySetup {
-    /// The legs as their controllers believe them to be.
-    pub legs: [LegParameters; 6],
+    /// The legs as their controllers believe them to be; `None` where no oil moves them.
+    pub legs: Option<[LegParameters; 6]>,
     /// Pose about which the rig is measured, `X_34`.
     pub place: Pose,
     /// Free way along X about the place, m: a slow move goes out and back. With a shorter way it is
@@ -64,8 +67,8 @@ pub enum IdentifyError {
     Drive(#[from] DriveError),
     /// No valve openings.
     #[error(
-        "the rig reports no valve openings (capability bit 11, or 0 throughout), lengths or forces of its \
-         legs, and null bias and flow gain are found by them: have the rig fill them in"
+        "the rig says that it reports valve openings (capability bit 11), and they are 0 throughout: have the \
+         rig fill them in, or clear the bit, and do without null bias and flow gain"
     )]
     NoSpool,
     /// Too few measurements.
@@ -99,18 +102,32 @@ pub struct ResponsePoint {
 /// Standstill and slow move under some corrections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pass {
+    /// The valves, where there are any and their openings are measured.
+    pub valves: Option<ValvePass>,
+    /// The legs, where their lengths are measured.
+    pub legs: Option<LegPass>,
+    /// Lag of the plate on the slow move, s.
+    pub lag_s: f64,
+}
+
+/// What a pass finds of the valves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValvePass {
     /// Null bias of every valve, parts of full stroke.
     pub null_bias: [f64; 6],
     /// Flow gain of every valve over what its controller believes.
     pub flow_gain: [f64; 6],
     /// Sliding friction of every leg, N: half of what the oil pushes more on the way out than back.
     pub friction_n: [f64; 6],
+}
+
+/// What a pass finds of the legs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegPass {
     /// Length error at standstill, m, commanded less measured.
     pub hold_error_m: [f64; 6],
     /// Lag of every leg on the slow move, s; equal lags are delay, the rest is gain.
-    pub leg_lag_s: [f64; 6],
-    /// Lag of the plate on the slow move, s.
-    pub lag_s: f64,
+    pub lag_s: [f64; 6],
 }
 
 /// A rig as identified.
@@ -120,8 +137,8 @@ pub struct Identification {
     pub found: Pass,
     /// With corrections: delay is taken from here; the rest says what is left.
     pub corrected: Pass,
-    /// Speed with a valve fully open, as controllers believe it, m/s.
-    pub no_load_speed_m_s: [f64; 6],
+    /// Speed with a valve fully open, as controllers believe it, m/s; where there are valves.
+    pub no_load_speed_m_s: Option<[f64; 6]>,
     /// Where the response was measured, `X_34`.
     pub place: Pose,
     /// G_MSim.
@@ -129,10 +146,10 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// What undoes null bias and flow gain.
+    /// What undoes null bias and flow gain; nothing where none were found.
     #[must_use]
     pub fn corrections(&self) -> LegCorrections {
-        corrections(&self.found, &self.no_load_speed_m_s)
+        corrections(&self.found, self.no_load_speed_m_s.as_ref())
     }
 
     /// From the instant a command is for to the instant the plate is there, s; negative when it is
@@ -187,11 +204,12 @@ pub fn sensor_interface(sensor: &SixAxisSensor) -> Interface {
     Interface::second_order(sensor.natural_frequency_hz, sensor.damping_ratio, sensor.delay_s)
 }
 
-fn corrections(p: &Pass, no_load_speed_m_s: &[f64; 6]) -> LegCorrections {
-    LegCorrections {
-        bias_m_s: core::array::from_fn(|i| p.null_bias[i] * p.flow_gain[i] * no_load_speed_m_s[i]),
-        flow_gain: p.flow_gain,
-    }
+fn corrections(p: &Pass, no_load_speed_m_s: Option<&[f64; 6]>) -> LegCorrections {
+    let found = p.valves.zip(no_load_speed_m_s);
+    found.map_or_else(LegCorrections::default, |(v, full)| LegCorrections {
+        bias_m_s: core::array::from_fn(|i| v.null_bias[i] * v.flow_gain[i] * full[i]),
+        flow_gain: v.flow_gain,
+    })
 }
 
 /// Fastest slow move, m/s, its ramps and its steady part, s.
@@ -297,47 +315,83 @@ fn cruise<R: Rig, K: Clock>(
     means.done()
 }
 
+/// Standstill, both ways at full speed, both ways at half of it.
+struct Moves {
+    still: Means,
+    ways: [Means; 2],
+    slow: [Means; 2],
+    speed: f64,
+}
+
+impl Moves {
+    fn drive<R: Rig, K: Clock>(
+        drive: &mut Drive<R, K>,
+        setup: &IdentifySetup,
+    ) -> Result<Self, IdentifyError> {
+        let still = standstill(drive, setup)?;
+        let speed = CRUISE_M_S.min(setup.room_m / (CRUISE_RAMP_S + CRUISE_STEADY_S));
+        let ways = [cruise(drive, setup, speed)?, cruise(drive, setup, -speed)?];
+        let slow = [cruise(drive, setup, 0.5 * speed)?, cruise(drive, setup, -0.5 * speed)?];
+        Ok(Self { still, ways, slow, speed })
+    }
+
+    /// Friction holds the plate back by the same at both speeds, delay does not.
+    fn lag_s(&self) -> f64 {
+        let [ways, slow] = [&self.ways, &self.slow];
+        (ways[0].error - ways[1].error - slow[0].error + slow[1].error) / self.speed
+    }
+
+    fn legs(&self) -> LegPass {
+        let (ways, slow) = (&self.ways, &self.slow);
+        let (speeds, slowly) = (ways.map(|m| m.speeds_m_s()), slow.map(|m| m.speeds_m_s()));
+        let lag_s = core::array::from_fn(|i| {
+            let apart = |m: &[Means; 2]| m[0].leg_error_m[i] - m[1].leg_error_m[i];
+            let faster = speeds[0][i] - speeds[1][i] - slowly[0][i] + slowly[1][i];
+            (apart(ways) - apart(slow)) / faster
+        });
+        LegPass { hold_error_m: self.still.leg_error_m, lag_s }
+    }
+
+    fn valves(&self, legs: &[LegParameters; 6]) -> Result<ValvePass, IdentifyError> {
+        let (still, ways) = (&self.still, &self.ways);
+        if [still, &ways[0], &ways[1]].iter().all(|m| m.spool.iter().all(|x| *x == 0.0)) {
+            return Err(IdentifyError::NoSpool);
+        }
+        let speeds = ways.map(|m| m.speeds_m_s());
+        let mut out = ValvePass { null_bias: [0.0; 6], flow_gain: [0.0; 6], friction_n: [0.0; 6] };
+        for (i, leg) in legs.iter().enumerate() {
+            let full = leg.no_load_speed_m_s();
+            // Nothing moves: what passes the valve leaks.
+            let (leak, head) = leak_and_head(leg, still.force_n[i], still.spool[i]);
+            let bias = leak / (full * head) - still.spool[i];
+            let gain = |k: usize| {
+                let opening = ways[k].spool[i] + bias;
+                let (leak, head) = leak_and_head(leg, ways[k].force_n[i], opening);
+                (speeds[k][i] + leak) / (full * head * opening)
+            };
+            out.null_bias[i] = bias;
+            out.flow_gain[i] = 0.5 * (gain(0) + gain(1));
+            out.friction_n[i] = 0.5
+                * (ways[0].force_n[i] - ways[1].force_n[i])
+                * (speeds[0][i] - speeds[1][i]).signum();
+        }
+        Ok(out)
+    }
+}
+
+/// A pass; `legs` are those whose valves are looked at.
 fn pass<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     setup: &IdentifySetup,
+    legs: Option<&[LegParameters; 6]>,
 ) -> Result<Pass, IdentifyError> {
-    let still = standstill(drive, setup)?;
-    let speed = CRUISE_M_S.min(setup.room_m / (CRUISE_RAMP_S + CRUISE_STEADY_S));
-    let ways = [cruise(drive, setup, speed)?, cruise(drive, setup, -speed)?];
-    let slow = [cruise(drive, setup, 0.5 * speed)?, cruise(drive, setup, -0.5 * speed)?];
-    if [still, ways[0], ways[1]].iter().all(|m| m.spool.iter().all(|x| *x == 0.0)) {
-        return Err(IdentifyError::NoSpool);
-    }
-    let mut out = Pass {
-        null_bias: [0.0; 6],
-        flow_gain: [0.0; 6],
-        friction_n: [0.0; 6],
-        hold_error_m: still.leg_error_m,
-        leg_lag_s: [0.0; 6],
-        // Friction holds the plate back by the same at both speeds, delay does not.
-        lag_s: (ways[0].error - ways[1].error - slow[0].error + slow[1].error) / speed,
-    };
-    let (speeds, slowly) = (ways.map(|m| m.speeds_m_s()), slow.map(|m| m.speeds_m_s()));
-    for (i, leg) in setup.legs.iter().enumerate() {
-        let full = leg.no_load_speed_m_s();
-        // Nothing moves: what passes the valve leaks.
-        let (leak, head) = leak_and_head(leg, still.force_n[i], still.spool[i]);
-        let bias = leak / (full * head) - still.spool[i];
-        let gain = |k: usize| {
-            let opening = ways[k].spool[i] + bias;
-            let (leak, head) = leak_and_head(leg, ways[k].force_n[i], opening);
-            (speeds[k][i] + leak) / (full * head * opening)
-        };
-        out.null_bias[i] = bias;
-        out.flow_gain[i] = 0.5 * (gain(0) + gain(1));
-        out.friction_n[i] = 0.5
-            * (ways[0].force_n[i] - ways[1].force_n[i])
-            * (speeds[0][i] - speeds[1][i]).signum();
-        let apart = |m: &[Means; 2]| m[0].leg_error_m[i] - m[1].leg_error_m[i];
-        let faster = speeds[0][i] - speeds[1][i] - slowly[0][i] + slowly[1][i];
-        out.leg_lag_s[i] = (apart(&ways) - apart(&slow)) / faster;
-    }
-    Ok(out)
+    let moves = Moves::drive(drive, setup)?;
+    let lengths = drive.capabilities().contains(Capabilities::LEG_LENGTH);
+    Ok(Pass {
+        valves: legs.map(|legs| moves.valves(legs)).transpose()?,
+        legs: lengths.then(|| moves.legs()),
+        lag_s: moves.lag_s(),
+    })
 }
 
 fn response<R: Rig, K: Clock>(
@@ -389,14 +443,17 @@ pub fn identify<R: Rig, K: Clock>(
         return Err(IdentifyError::Setup);
     }
     let needed = Capabilities::VALVE_SPOOL | Capabilities::LEG_LENGTH | Capabilities::LEG_FORCE;
-    if !drive.capabilities().contains(needed) {
-        return Err(IdentifyError::NoSpool);
-    }
+    let valves = setup.legs.as_ref().filter(|_| drive.capabilities().contains(needed));
     drive.correct(LegCorrections::default());
-    let no_load_speed_m_s = setup.legs.map(|l| l.no_load_speed_m_s());
-    let found = pass(drive, setup)?;
-    drive.correct(corrections(&found, &no_load_speed_m_s));
-    let corrected = pass(drive, setup)?;
+    let no_load_speed_m_s = valves.map(|legs| legs.map(|l| l.no_load_speed_m_s()));
+    let found = pass(drive, setup, valves)?;
+    // Without valves nothing is corrected, and a second pass would tell the same.
+    let corrected = if valves.is_some() {
+        drive.correct(corrections(&found, no_load_speed_m_s.as_ref()));
+        pass(drive, setup, valves)?
+    } else {
+        found
+    };
     drive.go(&setup.place)?;
     drive.rest(SETTLE_S, |_| ())?;
     let mut points = Vec::new();

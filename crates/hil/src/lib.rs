@@ -27,7 +27,7 @@
 //!
 //! let file = |name: &str| Path::new("../../models/urdf").join(name);
 //! let rig = load_rig(&file("stewart.urdf"))?.model;
-//! let preset = rig.hydraulics.default_preset;
+//! let preset = rig.preset(None);
 //! let mechanism = load_mechanism(&file("apas_active.urdf"), &file("apas_passive.urdf"), None)?.model;
 //! let chaser = load_spacecraft(&file("chaser_8t.urdf"))?.model;
 //! let target = load_spacecraft(&file("target_12t.urdf"))?.model;

@@ -138,6 +138,7 @@ fn oracle_two_sensors_carry_the_lightest_bodies() {
     let stand = Stand::new(None);
     let settings = VibroSettings {
         preset: stand.preset,
+        parameters: None,
         compensation: Compensation::Lead(believed_delays_s(&stand.rig).iter().sum()),
         scheme: SensorScheme::Two,
         contacts: 4,

@@ -81,6 +81,6 @@ fn oracle_uncompensated_table_4_is_that_of_the_measured_interface() {
 #[test]
 fn oracle_the_same_on_a_slow_rig() {
     let mut stand = Stand::new(Some(2));
-    stand.rig.valve.dead_time_s = 0.009;
+    stand.rig.drive.set_dead_time_s(0.009);
     hold_against_the_interface(&stand, 2, 2..6);
 }

@@ -29,8 +29,10 @@
 //! What a key means, and what may stand behind it: [`keys`].
 
 mod check;
+mod drive;
 pub mod input;
 pub mod keys;
+mod load_drive;
 mod load_mechanism;
 mod load_rig;
 mod load_spacecraft;
@@ -52,6 +54,10 @@ pub mod toml_check;
 mod urdf;
 
 pub use check::{Report, model_check, model_check_with};
+pub use drive::{
+    Drive, HydraulicDrive, HydraulicPreset, Hydraulics, LegHydraulics, MeasuredDrive,
+    MeasuredPoint, OilVolume, PositionLoop, SealFriction, ServoValve,
+};
 pub use keys::contact_ranges;
 pub use load_mechanism::{
     MatedFit, load_mechanism, load_mechanism_from, load_other_active_from, mated_fit,
@@ -66,9 +72,8 @@ pub use mechanism::{
 };
 pub use problem::{FileDigest, Loaded, ModelErrors, Note, Problem, ReadValue};
 pub use rig::{
-    DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegHydraulics, LegLimits,
-    LegPart, Offload, OilVolume, Place, Rig, RigSensors, RigidMass, SealFriction, ServoValve,
-    SixAxisSensor, Spread,
+    DeadZoneLaw, DockingWorkspace, Leg, LegLimits, LegPart, Offload, Place, Rig, RigSensors,
+    RigidMass, SixAxisSensor, Spread,
 };
 pub use sag::{SAG_REMEDY, Sag, sag_refusal, static_sag};
 pub use sources::Sources;

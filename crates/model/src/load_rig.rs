@@ -8,12 +8,13 @@ use crate::Sources;
 use crate::keys::FileKind;
 use crate::keys::read::{self, Section};
 use crate::problem::{Findings, Loaded, ModelErrors, Note, Problem};
-use crate::rig_check;
+use crate::rig::FORCE_SENSORS;
 use crate::urdf::{self, UrdfTree};
 use crate::{
-    DeadZoneLaw, DockingWorkspace, HydraulicPreset, Hydraulics, Leg, LegLimits, LegPart, Offload,
-    OilVolume, Rig, RigSensors, RigidMass, SealFriction, ServoValve, SixAxisSensor, Spread,
+    DeadZoneLaw, DockingWorkspace, Drive, Leg, LegLimits, LegPart, Offload, Rig, RigSensors,
+    RigidMass, SixAxisSensor, Spread,
 };
+use crate::{load_drive, rig_check};
 
 /// How well poses and axes of the tree must agree with the closures, m and rad: what is lost when
 /// numbers are written with nine decimals.
@@ -63,9 +64,7 @@ struct Said {
     dead_length_m: f64,
     radius_m: f64,
     length_error_m: f64,
-    hydraulics: Hydraulics,
-    valve: ServoValve,
-    friction: SealFriction,
+    drive: Drive,
     sensors: Option<RigSensors>,
     offload: Option<Offload>,
     spread: Spread,
@@ -150,6 +149,7 @@ fn read_toml(t: Section<'_, '_, '_>, tree: Option<&UrdfTree>) -> Said {
             l.number("ball_limit_deg").to_radians(),
         ]
     });
+    let drive = load_drive::read_drive(t);
     Said {
         ground,
         rack,
@@ -163,63 +163,11 @@ fn read_toml(t: Section<'_, '_, '_>, tree: Option<&UrdfTree>) -> Said {
         dead_length_m,
         radius_m,
         length_error_m,
-        hydraulics: t.section("hydraulics", read_hydraulics),
-        valve: t.section("valve", read_valve),
-        friction: t.section("friction", read_friction),
         offload: t.optional_section("offload", read_offload),
-        spread: t.section("spread", read_spread),
-        sensors: t.optional_section("sensors", read_sensors),
+        spread: load_drive::read_spread(t, &drive),
+        sensors: t.optional_section("sensors", |s| read_sensors(s, &drive)),
+        drive,
     }
-}
-
-fn read_hydraulics(t: Section<'_, '_, '_>) -> Hydraulics {
-    let volume = |p: Section<'_, '_, '_>| OilVolume {
-        total_volume_m3: p.number("total_volume_m3"),
-        leakage_m3_s_pa: p.number("leakage_m3_s_pa"),
-    };
-    Hydraulics {
-        area_m2: t.number("area_m2"),
-        bulk_modulus_pa: t.number("bulk_modulus_pa"),
-        viscous_n_s_m: t.number("viscous_n_s_m"),
-        dead_volume_m3: t.number("dead_volume_m3"),
-        printed: t.section("printed", volume),
-        consistent: t.section("consistent", volume),
-        stiff: t.section("stiff", volume),
-        // A placeholder behind a problem that was reported.
-        default_preset: t
-            .choice("default", &HydraulicPreset::WORDS)
-            .unwrap_or(HydraulicPreset::Printed),
-    }
-}
-
-fn read_valve(t: Section<'_, '_, '_>) -> ServoValve {
-    ServoValve {
-        natural_frequency_hz: t.number("natural_frequency_hz"),
-        damping_ratio: t.number("damping_ratio"),
-        no_load_flow_m3_s: t.number("no_load_flow_m3_s"),
-        slew_per_s: t.number("slew_full_strokes_per_s"),
-        null_bias: t.number("null_bias"),
-        supply_pressure_pa: t.number("supply_pressure_pa"),
-        dead_time_s: t.number("dead_time_s"),
-    }
-}
-
-fn read_friction(t: Section<'_, '_, '_>) -> SealFriction {
-    let friction = SealFriction {
-        coulomb_n: t.number("coulomb_n"),
-        static_n: t.number("static_n"),
-        stribeck_velocity_m_s: t.number("stribeck_velocity_m_s"),
-        bristle_n_m: t.number("bristle_n_m"),
-        bristle_damping_n_s_m: t.number("bristle_damping_n_s_m"),
-    };
-    if friction.static_n < friction.coulomb_n {
-        t.refuse(
-            "static_n",
-            format!("is below the Coulomb friction, {} N", friction.coulomb_n),
-            "make it at least the Coulomb friction",
-        );
-    }
-    friction
 }
 
 fn read_offload(t: Section<'_, '_, '_>) -> Offload {
@@ -232,19 +180,7 @@ fn read_offload(t: Section<'_, '_, '_>) -> Offload {
     }
 }
 
-fn read_spread(t: Section<'_, '_, '_>) -> Spread {
-    Spread {
-        flow_gain: t.number("flow_gain"),
-        null_bias: t.number("null_bias"),
-        friction: t.number("friction"),
-        bulk_modulus: t.number("bulk_modulus"),
-        plate_mass: t.number("plate_mass"),
-        valve_frequency: t.number("valve_frequency"),
-        dead_time_s: t.number("dead_time_s"),
-    }
-}
-
-fn read_sensors(t: Section<'_, '_, '_>) -> RigSensors {
+fn read_sensors(t: Section<'_, '_, '_>, drive: &Drive) -> RigSensors {
     let pair = |s: Section<'_, '_, '_>, key: &'static str| s.list(key);
     // What sensors of both kinds have.
     let common = |s: Section<'_, '_, '_>| SixAxisSensor {
@@ -280,9 +216,13 @@ fn read_sensors(t: Section<'_, '_, '_>) -> RigSensors {
             zero_spread: pair(s, "zero_spread_m_s2_rad_s2"),
             ..common(s)
         }),
+        plate_force: t.optional_choice("force_sensors", &FORCE_SENSORS).unwrap_or(true),
         length_noise_m: t.number("length_noise_m"),
         length_quantum_m: t.number("length_quantum_m"),
-        pressure_noise_n: t.number("pressure_noise_n"),
+        pressure_noise_n: match drive.hydraulic() {
+            Some(_) => t.number("pressure_noise_n"),
+            None => 0.0,
+        },
     }
 }
 
@@ -442,9 +382,7 @@ impl Assembly<'_> {
                 radius_m: said.radius_m,
                 length_error_m: said.length_error_m,
             },
-            hydraulics: said.hydraulics,
-            valve: said.valve,
-            friction: said.friction,
+            drive: said.drive,
             sensors: said.sensors,
             offload: said.offload,
             spread: said.spread,

@@ -4,6 +4,8 @@ use core::fmt;
 use docktwin_core::{DMat3, DVec3, Digest, Euler, Pose};
 use serde::{Deserialize, Serialize};
 
+use crate::drive::{Drive, HydraulicPreset, LegHydraulics};
+
 /// The motion simulator: a Stewart platform whose plate carries the passive mechanism, and a fixed
 /// rack that carries the active one.
 ///
@@ -40,12 +42,8 @@ pub struct Rig {
     pub docking: DockingWorkspace,
     /// Speed, force and size limits of a leg.
     pub limits: LegLimits,
-    /// Oil and cylinder.
-    pub hydraulics: Hydraulics,
-    /// Servo valve.
-    pub valve: ServoValve,
-    /// Friction of a leg's seals.
-    pub friction: SealFriction,
+    /// What moves the legs.
+    pub drive: Drive,
     /// Sensors of force and length; `None` where the file has none, and then there is no loop.
     pub sensors: Option<RigSensors>,
     /// What carries the weight of the ring; `None` where nothing does.
@@ -193,22 +191,30 @@ impl Rig {
         self.plate_from_docking(&self.docking.pose([0.0; 6]))
     }
 
-    /// The oil of a leg with the volumes of a preset.
+    /// The oil of a leg with the volumes of a preset; `None` where no oil moves the legs.
     #[must_use]
-    pub fn leg_hydraulics(&self, preset: HydraulicPreset) -> LegHydraulics {
-        let h = &self.hydraulics;
-        let v = match preset {
-            HydraulicPreset::Printed => h.printed,
-            HydraulicPreset::Consistent => h.consistent,
-            HydraulicPreset::Stiff => h.stiff,
-        };
-        LegHydraulics {
-            area_m2: h.area_m2,
-            total_volume_m3: v.total_volume_m3,
-            bulk_modulus_pa: h.bulk_modulus_pa,
-            leakage_m3_s_pa: v.leakage_m3_s_pa,
-            viscous_n_s_m: h.viscous_n_s_m,
-        }
+    pub fn leg_hydraulics(&self, preset: HydraulicPreset) -> Option<LegHydraulics> {
+        self.drive.hydraulic().map(|h| h.leg(preset))
+    }
+
+    /// The oil volume that is meant: the one asked for, or the file's. A rig without oil has none, and what
+    /// is given back for it is looked at by nobody.
+    #[must_use]
+    pub fn preset(&self, asked: Option<HydraulicPreset>) -> HydraulicPreset {
+        let filed = self.drive.hydraulic().map(|h| h.hydraulics.default_preset);
+        asked.or(filed).unwrap_or(HydraulicPreset::Printed)
+    }
+
+    /// The oil volume where there is oil: what records and results say of it.
+    #[must_use]
+    pub fn oil(&self, preset: HydraulicPreset) -> Option<HydraulicPreset> {
+        self.drive.hydraulic().map(|_| preset)
+    }
+
+    /// The oil volume in a word, `none` where there is no oil.
+    #[must_use]
+    pub fn oil_word(&self, preset: HydraulicPreset) -> &'static str {
+        self.oil(preset).map_or("none", HydraulicPreset::word)
     }
 }
 
@@ -298,143 +304,27 @@ pub struct LegLimits {
     pub length_error_m: f64,
 }
 
-/// Cylinder and oil, (10) and Table 1, with three choices of volume.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hydraulics {
-    /// Effective piston area A, m², both sides alike.
-    pub area_m2: f64,
-    /// Bulk modulus β_e of the oil, Pa.
-    pub bulk_modulus_pa: f64,
-    /// Viscous friction B_c, N·s/m.
-    pub viscous_n_s_m: f64,
-    /// Oil that no piston position expels, both chambers and lines to the valve together, m³.
-    pub dead_volume_m3: f64,
-    /// Table 1 as printed.
-    pub printed: OilVolume,
-    /// The volume that fits the stroke.
-    pub consistent: OilVolume,
-    /// A tenth of the printed volume, with a bypass leak.
-    pub stiff: OilVolume,
-    /// The preset that is meant when none is named.
-    pub default_preset: HydraulicPreset,
-}
-
-/// What a preset of the hydraulics changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OilVolume {
-    /// Total volume V_t, m³, as (10) uses it: `K_h = 4 β_e A² / V_t`.
-    pub total_volume_m3: f64,
-    /// Total flow–pressure coefficient K_ce, m³/(s·Pa).
-    pub leakage_m3_s_pa: f64,
-}
-
-/// Names of the three choices of volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum HydraulicPreset {
-    /// Table 1 as printed.
-    Printed,
-    /// The volume that fits the stroke.
-    Consistent,
-    /// A tenth of the printed volume, with a bypass leak.
-    Stiff,
-}
-
-impl HydraulicPreset {
-    /// Words by which files and commands name the presets.
-    pub const WORDS: [(&'static str, Self); 3] =
-        [("printed", Self::Printed), ("consistent", Self::Consistent), ("stiff", Self::Stiff)];
-
-    /// The word of this preset.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Printed => "printed",
-            Self::Consistent => "consistent",
-            Self::Stiff => "stiff",
-        }
-    }
-}
-
-/// Oil and cylinder of one leg.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LegHydraulics {
-    /// Effective piston area A, m².
-    pub area_m2: f64,
-    /// Total volume V_t, m³.
-    pub total_volume_m3: f64,
-    /// Bulk modulus β_e, Pa.
-    pub bulk_modulus_pa: f64,
-    /// Total flow–pressure coefficient K_ce, m³/(s·Pa).
-    pub leakage_m3_s_pa: f64,
-    /// Viscous friction B_c, N·s/m.
-    pub viscous_n_s_m: f64,
-}
-
-impl LegHydraulics {
-    /// Oil spring `K_h = 4 β_e A² / V_t`, N/m.
-    #[must_use]
-    pub fn oil_spring_n_m(&self) -> f64 {
-        4.0 * self.bulk_modulus_pa * self.area_m2 * self.area_m2 / self.total_volume_m3
-    }
-
-    /// Hydraulic natural frequency with a mass on one leg, Hz.
-    #[must_use]
-    pub fn natural_frequency_hz(&self, mass_kg: f64) -> f64 {
-        (self.oil_spring_n_m() / mass_kg).sqrt() / TAU
-    }
-}
-
-/// Servo valve and supply of one leg.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ServoValve {
-    /// Natural frequency of the spool, Hz.
-    pub natural_frequency_hz: f64,
-    /// Damping ratio of the spool.
-    pub damping_ratio: f64,
-    /// No-load flow at full spool, m³/s.
-    pub no_load_flow_m3_s: f64,
-    /// Fastest spool motion, full strokes per second.
-    pub slew_per_s: f64,
-    /// Spool position at zero command, as a part of full stroke.
-    pub null_bias: f64,
-    /// Supply over return pressure, Pa.
-    pub supply_pressure_pa: f64,
-    /// From a command to the valve, s.
-    pub dead_time_s: f64,
-}
-
-/// Bristle friction of a leg's seals.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SealFriction {
-    /// Coulomb friction, N.
-    pub coulomb_n: f64,
-    /// Static friction, N.
-    pub static_n: f64,
-    /// Stribeck velocity, m/s.
-    pub stribeck_velocity_m_s: f64,
-    /// Bristle stiffness, N/m.
-    pub bristle_n_m: f64,
-    /// Bristle damping, N·s/m.
-    pub bristle_damping_n_s_m: f64,
-}
-
 /// What measures on the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigSensors {
-    /// Both force–torque sensors: A on the rack, at the origin of `e3`, with its axes; B on the plate,
-    /// at the origin of `e4`, with its axes.
+    /// The force–torque sensors, alike: A on the rack, at the origin of `e3`, with its axes; B, where there is
+    /// one, on the plate, at the origin of `e4`, with its axes.
     pub force: SixAxisSensor,
+    /// Whether there is a sensor B.
+    pub plate_force: bool,
     /// Accelerometers on the plate: specific force (m/s², acceleration less gravity) at the origin of
     /// `e4` and angular acceleration (rad/s²), in its axes. Not every rig has them.
     pub accelerometer: Option<SixAxisSensor>,
     /// Standard deviation of the length sensors' noise, m.
     pub length_noise_m: f64,
-    /// Step of the length sensors, m.
+    /// Step of the length sensors or encoders, m.
     pub length_quantum_m: f64,
-    /// Standard deviation of the pressure sensors' noise, as force, N.
+    /// Standard deviation of the pressure sensors' noise, as force, N; 0 where no oil moves the legs.
     pub pressure_noise_n: f64,
 }
+
+/// Words by which files say which force sensors there are, and whether sensor B is among them.
+pub(crate) const FORCE_SENSORS: [(&str, bool); 2] = [("rack_and_plate", true), ("rack", false)];
 
 /// A sensor of six axes; pairs are of force (N) and moment (N·m), or of specific force (m/s²) and
 /// angular acceleration (rad/s²).
@@ -515,8 +405,8 @@ impl Offload {
     }
 }
 
-/// Half-widths by which an emulated rig may be drawn away from its file.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Half-widths by which an emulated rig may be drawn away from its file; those of another kind of drive are 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spread {
     /// Of the flow gain, relative.
     pub flow_gain: f64,
@@ -530,6 +420,8 @@ pub struct Spread {
     pub plate_mass: f64,
     /// Of the valve's natural frequency, relative.
     pub valve_frequency: f64,
+    /// Of the natural frequency of the legs' position loops, relative.
+    pub loop_frequency: f64,
     /// Of the dead time, s.
     pub dead_time_s: f64,
 }

@@ -1,12 +1,13 @@
 //! Whether a rig can do what its file asks of it, said in terms of its geometry.
 
+use core::f64::consts::TAU;
 use std::path::Path;
 
 use docktwin_core::{DVec3, Pose};
 use nalgebra::{Matrix6, Vector6};
 
 use crate::problem::{Findings, Note, Problem};
-use crate::{DockingWorkspace, HydraulicPreset, Place, Rig};
+use crate::{DockingWorkspace, Drive, HydraulicDrive, HydraulicPreset, Place, PositionLoop, Rig};
 
 /// Joints nearer to each other than this cannot both be built, m.
 const JOINTS_APART_M: f64 = 0.02;
@@ -91,7 +92,11 @@ pub(crate) fn check(rig: &Rig, urdf_path: &Path, toml_path: &Path, out: &mut Fin
     reach(rig, &mut f);
     crossing(rig, &mut f);
     retraction(rig, &mut f);
-    oil(rig, &mut f);
+    if let Some(h) = rig.drive.hydraulic() {
+        oil(rig, h, &mut f);
+    }
+    position_loop(rig, &mut f);
+    sensors(rig, &mut f);
     if usable {
         speed_and_force(rig, &mut f);
     }
@@ -310,12 +315,12 @@ fn retraction(rig: &Rig, f: &mut Finder<'_>) {
     }
 }
 
-fn oil(rig: &Rig, f: &mut Finder<'_>) {
+fn oil(rig: &Rig, drive: &HydraulicDrive, f: &mut Finder<'_>) {
     let stroke = rig.legs.iter().map(|l| l.longest_m - l.shortest_m).fold(0.0_f64, f64::max);
-    let h = &rig.hydraulics;
+    let h = &drive.hydraulics;
     let needed = h.area_m2 * stroke + h.dead_volume_m3;
     for (word, preset) in HydraulicPreset::WORDS {
-        let v = rig.leg_hydraulics(preset).total_volume_m3;
+        let v = drive.leg(preset).total_volume_m3;
         let fits = ((v - h.dead_volume_m3) / h.area_m2).max(0.0);
         if v < 0.9 * needed || v > 1.25 * needed {
             f.flag(format!(
@@ -370,13 +375,8 @@ fn speed_and_force(rig: &Rig, f: &mut Finder<'_>) {
             fastest.1
         ));
     }
-    let no_load = rig.valve.no_load_flow_m3_s / rig.hydraulics.area_m2;
-    if no_load < limit {
-        f.flag(format!(
-            "valve.no_load_flow_m3_s = {} m³/s moves {} m² at {no_load:.3} m/s at most, below the \
-             limit of {limit} m/s",
-            rig.valve.no_load_flow_m3_s, rig.hydraulics.area_m2
-        ));
+    if let Some(h) = rig.drive.hydraulic() {
+        no_load_speed(h, limit, f);
     }
     if strongest.0 > rig.limits.force_n {
         f.refuse(
@@ -388,13 +388,76 @@ fn speed_and_force(rig: &Rig, f: &mut Finder<'_>) {
             "raise the effort, or make the plate lighter",
         );
     }
-    let push = rig.valve.supply_pressure_pa * rig.hydraulics.area_m2;
-    if push < rig.limits.force_n {
+    if let Some(h) = rig.drive.hydraulic() {
+        supply(h, rig.limits.force_n, f);
+    }
+}
+
+fn no_load_speed(h: &HydraulicDrive, limit: f64, f: &mut Finder<'_>) {
+    let no_load = h.valve.no_load_flow_m3_s / h.hydraulics.area_m2;
+    if no_load < limit {
+        f.flag(format!(
+            "valve.no_load_flow_m3_s = {} m³/s moves {} m² at {no_load:.3} m/s at most, below the \
+             limit of {limit} m/s",
+            h.valve.no_load_flow_m3_s, h.hydraulics.area_m2
+        ));
+    }
+}
+
+fn supply(h: &HydraulicDrive, force_n: f64, f: &mut Finder<'_>) {
+    let push = h.valve.supply_pressure_pa * h.hydraulics.area_m2;
+    if push < force_n {
         f.flag(format!(
             "the supply of {:.0} Pa on {} m² pushes with {push:.0} N at most, below the limit of \
-             {:.0} N",
-            rig.valve.supply_pressure_pa, rig.hydraulics.area_m2, rig.limits.force_n
+             {force_n:.0} N",
+            h.valve.supply_pressure_pa, h.hydraulics.area_m2
         ));
+    }
+}
+
+/// Frequency up to which a rig has to follow dockings, Hz, and the response that the paper asks for at 10 Hz.
+const DOCKINGS_HZ: f64 = 5.0;
+const PAPER: (f64, f64, f64) = (10.0, 2.0, 70.0);
+
+fn position_loop(rig: &Rig, f: &mut Finder<'_>) {
+    let Some(l) = rig.drive.position_loop() else { return };
+    let (hz, db, deg) = PAPER;
+    let g = l.response(hz);
+    let gain_db = 20.0 * g.norm().log10();
+    // The argument alone would lose whole turns.
+    let late_deg = 360.0 * hz * l.delay_s + pole_lag_deg(l, hz);
+    if gain_db.abs() > db || late_deg > deg {
+        f.flag(format!(
+            "the legs are {gain_db:+.1} dB and {late_deg:.0} deg late at {hz} Hz; the paper asks for \
+             {db} dB and {deg} deg, and a docking without compensation of this delay gains energy"
+        ));
+    }
+    if let Some(most) = l.acceleration_m_s2 {
+        let needed = DOCKINGS_HZ * TAU * DOCKING_SPEED.1;
+        if most < needed {
+            f.flag(format!(
+                "drive.acceleration_m_s2 = {most} m/s² is below the {needed:.1} m/s² of {} m/s at \
+                 {DOCKINGS_HZ} Hz",
+                DOCKING_SPEED.1
+            ));
+        }
+    }
+}
+
+/// Lag of the poles of a loop, deg.
+fn pole_lag_deg(l: &PositionLoop, hz: f64) -> f64 {
+    let without_delay = PositionLoop { delay_s: 0.0, ..*l };
+    -without_delay.response(hz).arg().to_degrees()
+}
+
+/// Accelerometers take off what the load on sensor B does: without that sensor they are of no use.
+fn sensors(rig: &Rig, f: &mut Finder<'_>) {
+    let Some(s) = rig.sensors else { return };
+    if !s.plate_force && s.accelerometer.is_some() {
+        f.flag(
+            "sensors.accelerometer is used with sensor B alone, and sensors.force_sensors says there is none"
+                .to_owned(),
+        );
     }
 }
 
@@ -474,14 +537,15 @@ pub(crate) fn summary(rig: &Rig) -> Vec<String> {
             least.0, least.1
         ),
     ];
-    for (word, preset) in HydraulicPreset::WORDS {
-        let h = rig.leg_hydraulics(preset);
+    let presets = HydraulicPreset::WORDS.into_iter();
+    for (word, h) in presets.filter_map(|(w, p)| Some((w, rig.leg_hydraulics(p)?))) {
         lines.push(format!(
             "oil spring, {word} = {:.4e} N/m, {:.1} Hz with the plate's mass on one leg",
             h.oil_spring_n_m(),
             h.natural_frequency_hz(rig.plate.mass_kg)
         ));
     }
+    lines.extend(drive_lines(rig));
     lines.push(match rig.offload {
         None => "offload = none: the ring's whole weight lies on the mechanism".to_owned(),
         Some(o) => format!(
@@ -492,5 +556,26 @@ pub(crate) fn summary(rig: &Rig) -> Vec<String> {
             o.hanger_hz()
         ),
     });
+    lines
+}
+
+/// What moves the legs, where that is a position loop, and which sensors there are.
+fn drive_lines(rig: &Rig) -> Vec<String> {
+    let mut lines = match &rig.drive {
+        Drive::Hydraulic(_) => return Vec::new(),
+        Drive::PositionLoop(l) => vec![format!("position loop = {}", l.words())],
+        Drive::Measured(m) => vec![
+            format!("measured drive = {} points of a response", m.response.len()),
+            format!(
+                "position loop fitted to them = {}; at most {:.3} % off",
+                m.fitted.words(),
+                100.0 * m.residual
+            ),
+        ],
+    };
+    if let Some(s) = rig.sensors {
+        let force = if s.plate_force { "rack (A) and plate (B)" } else { "rack (A)" };
+        lines.push(format!("force sensors = {force}"));
+    }
     lines
 }

@@ -806,7 +806,7 @@ fn regress_missing_files_and_missing_attenuation() {
 
 #[test]
 fn regress_rigs_load() {
-    for name in ["stewart", "stewart_statics"] {
+    for name in ["stewart", "stewart_statics", "electric_hexapod", "electric_hexapod_measured"] {
         let report = model_check(&models().join(format!("{name}.toml")));
         assert_eq!(report.refused, [""; 0], "{name}");
     }
@@ -820,7 +820,7 @@ fn oracle_oil_springs_of_the_presets() {
         (HydraulicPreset::Consistent, 6.62e7, 25.9),
         (HydraulicPreset::Stiff, 2.76e8, 52.9),
     ] {
-        let h = rig.leg_hydraulics(preset);
+        let h = rig.leg_hydraulics(preset).unwrap_or_else(|| panic!("it is on oil"));
         assert!((h.oil_spring_n_m() / k - 1.0).abs() < 1e-3, "{}", preset.word());
         assert!((h.natural_frequency_hz(2500.0) - hz).abs() < 0.05, "{}", preset.word());
     }
@@ -832,9 +832,13 @@ fn oracle_oil_springs_of_the_presets() {
 
 /// What `model check` refuses of the default rig with texts replaced, and what it flags.
 fn rig_with(edits: &[(&str, &str, &str)]) -> Report {
+    named_rig_with("stewart", edits)
+}
+
+fn named_rig_with(name: &str, edits: &[(&str, &str, &str)]) -> Report {
     let dir = tempfile::tempdir().expect("a folder");
     for ext in ["urdf", "toml"] {
-        let file = format!("stewart.{ext}");
+        let file = format!("{name}.{ext}");
         let mut text = std::fs::read_to_string(models().join(&file)).expect("model");
         for (_, from, to) in edits.iter().filter(|(e, _, _)| *e == ext) {
             assert!(text.contains(from), "{file} has no {from:?}: mend the case");
@@ -842,7 +846,67 @@ fn rig_with(edits: &[(&str, &str, &str)]) -> Report {
         }
         std::fs::write(dir.path().join(file), text).expect("write");
     }
-    model_check(&dir.path().join("stewart.toml"))
+    model_check(&dir.path().join(format!("{name}.toml")))
+}
+
+/// What a drive of another kind has, or what is out of range, is refused with all the rest at once.
+#[test]
+fn regress_wrong_drives_are_refused_all_at_once() {
+    let report = named_rig_with(
+        "electric_hexapod",
+        &[
+            ("toml", "order = { value = 2", "order = { value = 3"),
+            ("toml", "delay_s = { value = 0.004", "delay_s = { value = 0.4"),
+            ("toml", "[sensors]\n", "[valve]\nnull_bias = 0.0\n\n[sensors]\n"),
+            ("toml", "loop_frequency", "valve_frequency"),
+            ("toml", "force_sensors = \"rack\"", "force_sensors = \"plate\""),
+        ],
+    );
+    for says in [
+        "drive.order = 3",
+        "drive.delay_s = 0.4 s",
+        "valve",
+        "belongs to a hydraulic drive",
+        "spread.loop_frequency",
+        "spread.valve_frequency",
+        "allowed: rack_and_plate, rack",
+    ] {
+        let told = report.refused.iter().any(|r| r.replace(" | ", ", ").contains(says));
+        assert!(told, "{says:?} is not told: {:#?}", report.refused);
+    }
+    // A loop of first order has no damping ratio, and a hydraulic rig no loop.
+    let first = named_rig_with(
+        "electric_hexapod",
+        &[("toml", "order = { value = 2", "order = { value = 1")],
+    );
+    assert!(first.refused.iter().any(|r| r.contains("damping_ratio")), "{:?}", first.refused);
+    let on_oil =
+        rig_with(&[("toml", "[hydraulics]\n", "[drive]\nkind = \"hydraulic\"\n\n[hydraulics]\n")]);
+    assert_eq!(on_oil.refused, [""; 0]);
+    let half = rig_with(&[("toml", "[spread]\n", "[spread]\nloop_frequency = 0.1\n")]);
+    assert!(half.refused.iter().any(|r| r.contains("spread.loop_frequency")), "{:?}", half.refused);
+}
+
+/// What is told of a drive: how late it is, and how well the fit of a measured one is.
+#[test]
+fn oracle_a_measured_drive_is_fitted_to_the_rig_that_was_measured() {
+    let loops = ["electric_hexapod", "electric_hexapod_measured"].map(|name| {
+        let rig =
+            load_rig(&models().join(format!("{name}.toml"))).unwrap_or_else(|e| panic!("{e}"));
+        *rig.model.drive.position_loop().unwrap_or_else(|| panic!("it has position loops"))
+    });
+    let [is, fitted] = loops;
+    assert!((fitted.natural_frequency_hz / is.natural_frequency_hz - 1.0).abs() < 1e-3);
+    assert!((fitted.delay_s - is.delay_s).abs() < 2e-5, "{fitted:?}");
+    let report = model_check(&models().join("electric_hexapod_measured.toml"));
+    let line =
+        report.read.iter().find(|l| l.contains("fitted")).unwrap_or_else(|| panic!("a line"));
+    assert!(line.contains("order 2") && line.contains("0.035 % off"), "{line}");
+    assert!(
+        report.flagged.iter().any(|f| f.contains("90 deg late at 10 Hz")),
+        "{:?}",
+        report.flagged
+    );
 }
 
 #[test]

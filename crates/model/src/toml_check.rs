@@ -62,7 +62,8 @@ impl fmt::Display for Range {
 #[must_use]
 pub fn unit_of(key: &str) -> &'static str {
     // Longest suffixes first.
-    const UNITS: [(&str, &str); 34] = [
+    const UNITS: [(&str, &str); 35] = [
+        ("_hz_1_deg", "Hz, 1, deg"),
         ("_per_s_n_nm", "N/s, N·m/s"),
         ("_m_s2_rad_s2", "m/s², rad/s²"),
         ("_n_nm", "N, N·m"),

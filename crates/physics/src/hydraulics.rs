@@ -19,7 +19,9 @@
 //! half flow, drift) the step is symplectic when nothing leaks, and of second order when it does.
 
 use docktwin_core::StateHasher;
-use docktwin_model::{HydraulicPreset, LegHydraulics, Rig, SealFriction, ServoValve, Spread};
+use docktwin_model::{
+    HydraulicDrive, HydraulicPreset, LegHydraulics, SealFriction, ServoValve, Spread,
+};
 use rand_chacha::{
     ChaCha8Rng,
     rand_core::{RngCore, SeedableRng},
@@ -39,8 +41,8 @@ pub struct LegParameters {
 impl LegParameters {
     /// The leg of a rig file, with the oil of a preset.
     #[must_use]
-    pub fn of_rig(rig: &Rig, preset: HydraulicPreset) -> Self {
-        Self { oil: rig.leg_hydraulics(preset), valve: rig.valve, friction: rig.friction }
+    pub const fn of_drive(drive: &HydraulicDrive, preset: HydraulicPreset) -> Self {
+        Self { oil: drive.leg(preset), valve: drive.valve, friction: drive.friction }
     }
 
     /// The same leg as equation (10) describes it: no seal friction, no null bias.

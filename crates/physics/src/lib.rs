@@ -16,6 +16,7 @@ pub mod mechanism;
 pub mod mounted;
 pub mod outcome;
 pub mod platform;
+pub mod position_loop;
 pub mod programme;
 pub mod reduced;
 pub mod rig;

@@ -8,7 +8,7 @@
 //! with all forces, the other half of the flow, the other half of the drift.
 
 use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
-use docktwin_model::{HydraulicPreset, Rig};
+use docktwin_model::{Drive, HydraulicPreset, PositionLoop, Rig};
 
 use crate::{
     hydraulics::{Draws, Leg, LegParameters, LegSpread, LegState},
@@ -271,7 +271,28 @@ pub struct PerturbedRig {
     /// The file with mass, inertia and dead time drawn; legs are in `legs`.
     pub rig: Rig,
     /// The legs, each with its own draw.
-    pub legs: [LegParameters; 6],
+    pub legs: BuiltLegs,
+}
+
+/// Legs as built.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a rig has one of them, and it is copied as a whole")]
+pub enum BuiltLegs {
+    /// On oil.
+    Hydraulic([LegParameters; 6]),
+    /// With position loops of their own.
+    Loops([PositionLoop; 6]),
+}
+
+impl BuiltLegs {
+    /// The legs on oil, if that moves them.
+    #[must_use]
+    pub const fn hydraulic(&self) -> Option<&[LegParameters; 6]> {
+        match self {
+            Self::Hydraulic(legs) => Some(legs),
+            Self::Loops(_) => None,
+        }
+    }
 }
 
 impl PerturbedRig {
@@ -280,7 +301,7 @@ impl PerturbedRig {
     pub fn of(rig: &Rig, preset: HydraulicPreset, seed: Option<u64>) -> Self {
         match seed {
             Some(seed) => Self::draw(rig, preset, seed),
-            None => Self { rig: rig.clone(), legs: [LegParameters::of_rig(rig, preset); 6] },
+            None => Self { rig: rig.clone(), legs: as_filed(rig, preset) },
         }
     }
 
@@ -293,11 +314,32 @@ impl PerturbedRig {
         out.plate.mass_kg *= factor;
         out.plate.inertia_kg_m2 *= factor;
         let late = rig.spread.dead_time_s * draws.uniform();
-        out.valve.dead_time_s = (rig.valve.dead_time_s + late).max(0.0);
-        let spread = LegSpread::of_rig(&rig.spread);
-        let leg = LegParameters::of_rig(&out, preset);
-        let legs = [0, 1, 2, 3, 4, 5].map(|i| leg.perturbed(&spread, seed, i));
+        out.drive.set_dead_time_s((rig.drive.dead_time_s() + late).max(0.0));
+        let legs = match as_filed(&out, preset) {
+            BuiltLegs::Hydraulic([leg, ..]) => {
+                let spread = LegSpread::of_rig(&rig.spread);
+                let drawn = |i| leg.perturbed(&spread, seed, i);
+                BuiltLegs::Hydraulic([0, 1, 2, 3, 4, 5].map(drawn))
+            }
+            BuiltLegs::Loops([leg, ..]) => {
+                let drawn = |i| {
+                    let factor = 1.0 + rig.spread.loop_frequency * Draws::new(seed, i).uniform();
+                    let hz = leg.natural_frequency_hz * factor;
+                    PositionLoop { natural_frequency_hz: hz, ..leg }
+                };
+                BuiltLegs::Loops([0, 1, 2, 3, 4, 5].map(drawn))
+            }
+        };
         Self { rig: out, legs }
+    }
+}
+
+/// Six equal legs as the file says.
+fn as_filed(rig: &Rig, preset: HydraulicPreset) -> BuiltLegs {
+    match &rig.drive {
+        Drive::Hydraulic(h) => BuiltLegs::Hydraulic([LegParameters::of_drive(h, preset); 6]),
+        Drive::PositionLoop(l) => BuiltLegs::Loops([*l; 6]),
+        Drive::Measured(m) => BuiltLegs::Loops([m.fitted; 6]),
     }
 }
 

@@ -128,8 +128,13 @@ fn invariant_the_platform_never_allocates() {
 
 #[test]
 fn invariant_a_tick_of_the_rig_never_allocates() {
-    let path =
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf/stewart.urdf");
+    a_tick_never_allocates("stewart");
+    a_tick_never_allocates("electric_hexapod");
+}
+
+fn a_tick_never_allocates(name: &str) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("../../models/urdf/{name}.urdf"));
     let rig = docktwin_model::load_rig(&path).expect("the rig of the repository loads").model;
     let preset = docktwin_model::HydraulicPreset::Printed;
     let setup = docktwin_control::rig::RigSetup::of_rig(&rig, preset, Some(1));

@@ -56,6 +56,7 @@ const SPREAD: Spread = Spread {
     friction: 0.5,
     bulk_modulus: 0.1,
     plate_mass: 0.03,
+    loop_frequency: 0.0,
     valve_frequency: 0.05,
     dead_time_s: 0.0005,
 };

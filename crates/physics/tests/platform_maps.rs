@@ -12,7 +12,7 @@ fn rig() -> Rig {
 }
 
 fn oil(rig: &Rig, preset: HydraulicPreset) -> f64 {
-    rig.leg_hydraulics(preset).oil_spring_n_m()
+    rig.leg_hydraulics(preset).expect("on oil").oil_spring_n_m()
 }
 
 /// Inertia of a point mass about a point at `r` from it.
@@ -69,7 +69,7 @@ fn oracle_figures_of_the_sizing_study() {
     println!("middle {middle:.0?}, corners {least:.0} to {greatest:.0}");
     assert!((middle[0] - 507.0).abs() < 1.0 && (middle[5] - 2190.0).abs() < 1.0, "{middle:?}");
     assert!((least - 451.0).abs() < 1.0 && (greatest - 2938.0).abs() < 1.0);
-    let h = rig.leg_hydraulics(HydraulicPreset::Printed);
+    let h = rig.leg_hydraulics(HydraulicPreset::Printed).expect("on oil");
     assert!((h.natural_frequency_hz(greatest) - 15.4).abs() < 0.05);
     assert!((h.natural_frequency_hz(least) - 39.4).abs() < 0.05);
 
@@ -104,7 +104,7 @@ fn oracle_modes_of_equal_springs_are_the_effective_masses() {
     for place in DockingWorkspace::corners().take(8) {
         let c = maps.at(place);
         for (_, preset) in HydraulicPreset::WORDS {
-            let h = rig.leg_hydraulics(preset);
+            let h = rig.leg_hydraulics(preset).expect("on oil");
             let modes = maps.modes(&c, h.oil_spring_n_m(), &[0.0; 6]).expect("not singular");
             let mut masses = maps.platform().effective_masses_kg(&c).expect("not singular");
             masses.reverse();

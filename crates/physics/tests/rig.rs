@@ -17,7 +17,7 @@ fn file() -> Rig {
 }
 
 fn lossless(rig: &Rig, preset: HydraulicPreset) -> ReducedRig {
-    let mut leg = LegParameters::of_rig(rig, preset).ideal();
+    let mut leg = LegParameters::of_drive(rig.drive.hydraulic().unwrap(), preset).ideal();
     leg.oil.leakage_m3_s_pa = 0.0;
     leg.oil.viscous_n_s_m = 0.0;
     ReducedRig::new(Platform::new(rig), &[leg; 6], 1.25e-4)
@@ -67,7 +67,8 @@ fn invariant_the_platform_on_its_oil_springs_keeps_its_energy() {
 #[test]
 fn invariant_the_plate_on_its_oil_is_of_high_order() {
     let file = file();
-    let mut leg = LegParameters::of_rig(&file, HydraulicPreset::Printed).ideal();
+    let mut leg =
+        LegParameters::of_drive(file.drive.hydraulic().unwrap(), HydraulicPreset::Printed).ideal();
     leg.oil.leakage_m3_s_pa = 0.0;
     leg.oil.viscous_n_s_m = 0.0;
     let end = |step_s: f64, steps: u32| {
@@ -95,7 +96,8 @@ fn oracle_hydraulic_stiffness_at_the_port() {
     let platform = Platform::new(&file);
     let x_bp = file.middle();
     for (i, axis) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
-        let leg = LegParameters::of_rig(&file, HydraulicPreset::Printed);
+        let leg =
+            LegParameters::of_drive(file.drive.hydraulic().unwrap(), HydraulicPreset::Printed);
         let rig = lossless(&file, HydraulicPreset::Printed);
         let c = platform.at(&x_bp);
         let arm = x_bp.q * file.x_4p.inverse().p;
@@ -142,7 +144,8 @@ fn invariant_a_drawn_rig_is_another_rig_and_repeats() {
     assert_eq!(a.legs, b.legs);
     assert_ne!(a.legs, c.legs);
     assert_ne!(a.rig.plate.mass_kg.to_bits(), c.rig.plate.mass_kg.to_bits());
-    assert_ne!(a.legs[0], a.legs[1]);
+    let legs = a.legs.hydraulic().unwrap();
+    assert_ne!(legs[0], legs[1]);
     let off = a.rig.plate.mass_kg / file.plate.mass_kg - 1.0;
     assert!(off.abs() <= file.spread.plate_mass);
 }

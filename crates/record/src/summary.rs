@@ -128,6 +128,13 @@ pub struct LoopSummary {
     pub lateness_us: LatenessUs,
     /// Durations by phase.
     pub phases: BTreeMap<String, PhaseUs>,
+    /// Lead of the compensator, ms; null in summaries before it was told.
+    #[serde(default)]
+    pub lead_ms: Option<f64>,
+    /// The lead that is believed to undo the rig, ms: delay and lag of its drives and of sensor A, by its file or
+    /// by identification and calibration.
+    #[serde(default)]
+    pub believed_lead_ms: Option<f64>,
 }
 
 /// The HIL run against the simulated system; null where not defined.

@@ -24,7 +24,7 @@ use docktwin_scenario::{Loader, Scenario, resolve_path};
 use crate::{
     article::RigMechanism,
     error::RunError,
-    hil_run::{PERIOD_NS, refuse_sag},
+    hil_run::{PERIOD_NS, preset, refuse_sag},
     rig_place::{
         ClockKind, Operator, RealtimeOptions, RigPlace, best_effort, confirm, connect,
         identification, new_session, patience,
@@ -104,7 +104,7 @@ impl Stand {
         })?;
         let scenario = options.loader.load(&path)?;
         let (system, _) = start(&scenario)?;
-        let preset = options.preset.unwrap_or(rig.hydraulics.default_preset);
+        let preset = preset(&rig, options.preset, "--preset")?;
         let article = options.mechanism.article(&scenario, &system)?.article;
         refuse_sag(&rig, &article.system, &options.model)?;
         let (seed, perturb) = (options.seed, options.perturb);
@@ -295,8 +295,8 @@ pub struct IdentifyOptions {
     pub room_m: f64,
 }
 
-/// Finds null bias, flow gain, delay and frequency response of a rig. Takes about four minutes of the
-/// rig's time.
+/// Finds null bias and flow gain of valves, where there are any, delay and frequency response of a rig. Takes
+/// about four minutes of the rig's time.
 ///
 /// # Errors
 /// The rig cannot be taken over, or stopped; nothing is found then.
@@ -312,7 +312,7 @@ pub fn identify(
     let lever_m = stick.map_or(believed.platform.plate_radius_m(), |s| s.lever_m);
     task.stand.free_the_stick();
     let setup = IdentifySetup {
-        legs: believed.believed_legs,
+        legs: believed.hydraulic().map(|h| h.believed_legs),
         place: task.place,
         room_m: asked.room_m,
         dofs: if asked.dofs.is_empty() { (0..6).collect() } else { asked.dofs.clone() },
@@ -407,7 +407,7 @@ pub fn retract(
     let model = load_rig(model)?.model;
     confirm(operator, &options.place)?;
     let setup = DriveSetup {
-        feedforward: RigSetup::of_rig(&model, model.hydraulics.default_preset, None).feedforward(),
+        feedforward: RigSetup::of_rig(&model, model.preset(None), None).feedforward(),
         corrections: LegCorrections::default(),
         limits: SafetyLimits::of_rig(&model, RETRACT_N, f64::INFINITY),
         speed: [0.0; 2],

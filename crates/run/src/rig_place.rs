@@ -221,7 +221,7 @@ pub fn identification(
     let found = file.content.identification().ok_or_else(|| {
         RunError::usage(
             format!(
-                "a leg is missing or too many, or a response has no amplitude: {}",
+                "a leg is missing or too many, or lacks what another has, or a response has no amplitude: {}",
                 path.display()
             ),
             "make it again with `docktwin rig identify`",

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, Wrench};
 use docktwin_hil::{
     calibrate::Calibration,
-    identify::{Identification, Pass, ResponsePoint},
+    identify::{Identification, LegPass, Pass, ResponsePoint, ValvePass},
 };
 use docktwin_model::{HydraulicPreset, Rig};
 use docktwin_physics::mounted::Payload;
@@ -94,7 +94,7 @@ pub struct Origin {
     pub rig_digest: String,
     /// `emulated` or `ipc:NAME`.
     pub port: String,
-    /// Oil that controllers believe in.
+    /// Oil that controllers believe in, `none` for a rig without.
     pub preset: String,
     /// Seed of an emulated rig's noise.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -119,7 +119,7 @@ impl Origin {
             rig: rig.name.clone(),
             rig_digest: rig.digest.to_string(),
             port: port.to_owned(),
-            preset: preset.word().to_owned(),
+            preset: rig.oil_word(preset).to_owned(),
             seed: None,
             perturb: None,
             place_m: place.p.to_array(),
@@ -144,27 +144,34 @@ impl Origin {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LegRecord {
-    /// Null bias, part of full stroke.
-    pub null_bias: f64,
+    /// Null bias, part of full stroke; of a leg with a valve, as all keys that may be absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub null_bias: Option<f64>,
     /// Flow gain over what the controller believes.
-    pub flow_gain: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_gain: Option<f64>,
     /// Speed with the valve fully open, as believed, m/s.
-    pub no_load_speed_m_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_load_speed_m_s: Option<f64>,
     /// Sliding friction, N.
-    pub friction_n: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction_n: Option<f64>,
     /// Length error at standstill, m.
     pub hold_error_m: f64,
     /// Lag on a slow move, s.
     pub lag_s: f64,
     /// The same with corrections: what is left.
-    pub corrected_null_bias: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corrected_null_bias: Option<f64>,
     /// See `corrected_null_bias`.
-    pub corrected_flow_gain: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corrected_flow_gain: Option<f64>,
     /// See `corrected_null_bias`.
-    pub corrected_friction_n: f64,
-    /// See `corrected_null_bias`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corrected_friction_n: Option<f64>,
+    /// See `corrected_null_bias`; without valves as found.
     pub corrected_hold_error_m: f64,
-    /// See `corrected_null_bias`.
+    /// See `corrected_null_bias`; without valves as found.
     pub corrected_lag_s: f64,
 }
 
@@ -206,7 +213,8 @@ pub struct IdentificationFile {
     pub delay_s: f64,
     /// The same without corrections: what a ramp alone would have told.
     pub uncorrected_lag_s: f64,
-    /// Legs 0 to 5.
+    /// Legs 0 to 5; none where their lengths are not measured.
+    #[serde(default)]
     pub leg: Vec<LegRecord>,
     /// G_MSim.
     #[serde(default)]
@@ -295,11 +303,18 @@ impl RigFile for IdentificationFile {
         let mut out = vec![("delay_s".to_owned(), self.delay_s, [-0.01, 0.1])];
         // A missing leg is told as a number of legs.
         #[expect(clippy::cast_precision_loss, reason = "a handful")]
-        out.push(("number of legs".to_owned(), self.leg.len() as f64, [6.0, 6.0]));
+        let legs = self.leg.len() as f64;
+        if !self.leg.is_empty() {
+            out.push(("number of legs".to_owned(), legs, [6.0, 6.0]));
+        }
         for (i, l) in self.leg.iter().enumerate() {
-            out.push((format!("leg.{i}.null_bias"), l.null_bias, [-0.2, 0.2]));
-            out.push((format!("leg.{i}.flow_gain"), l.flow_gain, [0.2, 5.0]));
-            out.push((format!("leg.{i}.no_load_speed_m_s"), l.no_load_speed_m_s, [1e-3, 100.0]));
+            let valve = [
+                ("null_bias", l.null_bias, [-0.2, 0.2]),
+                ("flow_gain", l.flow_gain, [0.2, 5.0]),
+                ("no_load_speed_m_s", l.no_load_speed_m_s, [1e-3, 100.0]),
+            ];
+            let given = valve.into_iter().filter_map(|(key, x, range)| Some((key, x?, range)));
+            out.extend(given.map(|(key, x, range)| (format!("leg.{i}.{key}"), x, range)));
         }
         for (i, r) in self.response.iter().enumerate() {
             let known = DOFS.contains(&r.dof.as_str());
@@ -404,6 +419,15 @@ pub fn write<T: RigFile>(path: &Path, content: &T) -> Result<Digest, RigFileErro
         "# Written by `docktwin rig {}`. Every unit stands in its key.\n{text}",
         T::COMMAND
     );
+    write_new(path, &text)
+}
+
+/// Writes a text; a file that is there is never overwritten.
+///
+/// # Errors
+/// [`RigFileError::Write`].
+pub fn write_new(path: &Path, text: &str) -> Result<Digest, RigFileError> {
+    let failed = |why: String| RigFileError::Write { path: path.to_owned(), why };
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|e| failed(e.to_string()))?;
     }
@@ -418,19 +442,21 @@ impl IdentificationFile {
     #[must_use]
     pub fn new(origin: Origin, found: &Identification) -> Self {
         let (a, b) = (&found.found, &found.corrected);
-        let leg = |i: usize| LegRecord {
-            null_bias: a.null_bias[i],
-            flow_gain: a.flow_gain[i],
-            no_load_speed_m_s: found.no_load_speed_m_s[i],
-            friction_n: a.friction_n[i],
+        let valves = (a.valves, b.valves);
+        let leg = |(i, a, b): (usize, &LegPass, &LegPass)| LegRecord {
+            null_bias: valves.0.map(|v| v.null_bias[i]),
+            flow_gain: valves.0.map(|v| v.flow_gain[i]),
+            no_load_speed_m_s: found.no_load_speed_m_s.map(|v| v[i]),
+            friction_n: valves.0.map(|v| v.friction_n[i]),
             hold_error_m: a.hold_error_m[i],
-            lag_s: a.leg_lag_s[i],
-            corrected_null_bias: b.null_bias[i],
-            corrected_flow_gain: b.flow_gain[i],
-            corrected_friction_n: b.friction_n[i],
+            lag_s: a.lag_s[i],
+            corrected_null_bias: valves.1.map(|v| v.null_bias[i]),
+            corrected_flow_gain: valves.1.map(|v| v.flow_gain[i]),
+            corrected_friction_n: valves.1.map(|v| v.friction_n[i]),
             corrected_hold_error_m: b.hold_error_m[i],
-            corrected_lag_s: b.leg_lag_s[i],
+            corrected_lag_s: b.lag_s[i],
         };
+        let legs = a.legs.as_ref().zip(b.legs.as_ref());
         let response = found.response.iter().map(|p| ResponseRecord {
             dof: DOFS[p.dof % 6].to_owned(),
             frequency_hz: p.hz,
@@ -447,16 +473,36 @@ impl IdentificationFile {
             origin,
             delay_s: found.delay_s(),
             uncorrected_lag_s: a.lag_s,
-            leg: (0..6).map(leg).collect(),
+            leg: legs.map_or_else(Vec::new, |(a, b)| (0..6).map(|i| leg((i, a, b))).collect()),
             response: response.collect(),
         }
     }
 
-    /// The rig as identified. `None` when there are not six legs.
+    /// The response as the `[drive]` table of a rig's file whose drive is `measured`.
+    #[must_use]
+    pub fn drive_table(&self) -> String {
+        let note = format!("rig identify of {}, rig {}", self.origin.made_utc, self.origin.rig);
+        let rows: String = self
+            .response
+            .iter()
+            .map(|r| format!("  [{}, {:.6}, {:.4}],\n", r.frequency_hz, r.gain, r.phase_deg))
+            .collect();
+        format!(
+            "[drive]\nkind = \"measured\"\nlag_s = {{ value = {:.7}, source = \"{note}\" }}\n\
+             response_hz_1_deg = {{ value = [\n{rows}], source = \"{note}\" }}\n",
+            self.delay_s
+        )
+    }
+
+    /// The rig as identified. `None` when there are neither six legs nor none, or a leg lacks what another has.
     #[must_use]
     pub fn identification(&self) -> Option<Identification> {
-        let legs: &[LegRecord; 6] = self.leg.as_slice().try_into().ok()?;
-        let of = |read: fn(&LegRecord) -> f64| legs.each_ref().map(read);
+        let legs: Option<&[LegRecord; 6]> = match self.leg.as_slice() {
+            [] => None,
+            legs => Some(legs.try_into().ok()?),
+        };
+        let of = |read: fn(&LegRecord) -> f64| legs.map(|l| l.each_ref().map(read));
+        let (here, there) = (valves(legs, false)?, valves(legs, true)?);
         let response = self.response.iter().map(|r| {
             let dof = DOFS.iter().position(|d| *d == r.dof)?;
             let phase = r.phase_deg.to_radians();
@@ -471,26 +517,50 @@ impl IdentificationFile {
         });
         Some(Identification {
             found: Pass {
-                null_bias: of(|l| l.null_bias),
-                flow_gain: of(|l| l.flow_gain),
-                friction_n: of(|l| l.friction_n),
-                hold_error_m: of(|l| l.hold_error_m),
-                leg_lag_s: of(|l| l.lag_s),
+                valves: here.map(|v| v.0),
+                legs: of(|l| l.hold_error_m)
+                    .zip(of(|l| l.lag_s))
+                    .map(|(hold_error_m, lag_s)| LegPass { hold_error_m, lag_s }),
                 lag_s: self.uncorrected_lag_s,
             },
             corrected: Pass {
-                null_bias: of(|l| l.corrected_null_bias),
-                flow_gain: of(|l| l.corrected_flow_gain),
-                friction_n: of(|l| l.corrected_friction_n),
-                hold_error_m: of(|l| l.corrected_hold_error_m),
-                leg_lag_s: of(|l| l.corrected_lag_s),
+                valves: there.map(|v| v.0),
+                legs: of(|l| l.corrected_hold_error_m)
+                    .zip(of(|l| l.corrected_lag_s))
+                    .map(|(hold_error_m, lag_s)| LegPass { hold_error_m, lag_s }),
                 lag_s: self.delay_s,
             },
-            no_load_speed_m_s: of(|l| l.no_load_speed_m_s),
+            no_load_speed_m_s: here.map(|v| v.1),
             place: self.origin.place(),
             response: response.collect::<Option<_>>()?,
         })
     }
+}
+
+/// Valves of all six legs, as found or as corrected, and their speeds fully open; none where no leg has one, and
+/// no answer where one leg lacks what another has.
+type Valves = Option<(ValvePass, [f64; 6])>;
+
+fn valves(legs: Option<&[LegRecord; 6]>, corrected: bool) -> Option<Valves> {
+    let Some(legs) = legs else { return Some(None) };
+    let of = |l: &LegRecord| {
+        let found = [l.null_bias, l.flow_gain, l.friction_n];
+        let left = [l.corrected_null_bias, l.corrected_flow_gain, l.corrected_friction_n];
+        let [bias, gain, friction] = if corrected { left } else { found };
+        [bias, gain, friction, l.no_load_speed_m_s]
+    };
+    let rows = legs.each_ref().map(of);
+    if rows.iter().flatten().all(Option::is_none) {
+        return Some(None);
+    }
+    let mut out = [[0.0; 6]; 4];
+    for (i, row) in rows.iter().enumerate() {
+        for (out, x) in out.iter_mut().zip(row) {
+            out[i] = (*x)?;
+        }
+    }
+    let [null_bias, flow_gain, friction_n, full] = out;
+    Some(Some((ValvePass { null_bias, flow_gain, friction_n }, full)))
 }
 
 impl CalibrationFile {

@@ -39,7 +39,8 @@ pub enum Cause {
     LegFriction,
     /// Lag of the servo valves.
     Valve,
-    /// Legs that do not go exactly where they are commanded: oil, valves and seals. Seals and valves act through it.
+    /// Legs that do not go exactly where they are commanded: oil, valves and seals, which act through it, or
+    /// position loops.
     Legs,
     /// The rack stands still where the chaser in orbit gives way, so the ring feels less.
     Rack,
@@ -128,13 +129,18 @@ impl Cause {
             Self::SensorLag => sensors(&|s| {
                 (s.natural_frequency_hz, s.damping_ratio, s.delay_s) = (FAST_HZ, 0.7, 0.0);
             }),
-            Self::Delay => rig.valve.dead_time_s = rig.valve.dead_time_s.min(ONE_TICK_S),
+            Self::Delay => rig.drive.set_dead_time_s(rig.drive.dead_time_s().min(ONE_TICK_S)),
+            // Of oil alone; what position loops do of themselves is told by the legs.
             Self::LegFriction => {
-                rig.friction.coulomb_n *= NEARLY_NONE;
-                rig.friction.static_n *= NEARLY_NONE;
+                if let Some(h) = rig.drive.hydraulic_mut() {
+                    h.friction.coulomb_n *= NEARLY_NONE;
+                    h.friction.static_n *= NEARLY_NONE;
+                }
             }
             Self::Valve => {
-                rig.valve.natural_frequency_hz = rig.valve.natural_frequency_hz.max(FAST_VALVE_HZ);
+                if let Some(h) = rig.drive.hydraulic_mut() {
+                    h.valve.natural_frequency_hz = h.valve.natural_frequency_hz.max(FAST_VALVE_HZ);
+                }
             }
         }
     }

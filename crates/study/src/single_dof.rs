@@ -109,6 +109,12 @@ pub enum SingleDofError {
         /// Name of the mechanism.
         mechanism: String,
     },
+    /// No oil moves the legs.
+    #[error("no oil moves the legs of {rig}, and the study is of one hydraulic leg")]
+    NoOil {
+        /// Name of the rig.
+        rig: String,
+    },
     /// The leg cannot be linearised.
     #[error("the leg has no linear model")]
     Singular,
@@ -126,6 +132,7 @@ impl SingleDofError {
             Self::NoCharacteristic { .. } => {
                 "give a mechanism with [attenuation.characteristic], loaded with that attenuation"
             }
+            Self::NoOil { .. } => "give a hydraulic rig, models/urdf/stewart.toml is one",
             Self::Singular => "correct oil volume and valve in the rig file",
             Self::Setup(_) => "correct the rig file",
         }
@@ -557,8 +564,10 @@ pub fn single_dof(
     let Attenuator::Characteristic(characteristic) = &mechanism.attenuator else {
         return Err(SingleDofError::NoCharacteristic { mechanism: mechanism.name.clone() });
     };
-    let preset = options.preset.unwrap_or(rig.hydraulics.default_preset);
-    let legs = LEGS.map(|(_, c)| SingleDofSetup::of_rig(rig, preset).with(c));
+    let preset = rig.preset(options.preset);
+    let oil = rig.drive.hydraulic();
+    let oil = oil.ok_or_else(|| SingleDofError::NoOil { rig: rig.name.clone() })?;
+    let legs = LEGS.map(|(_, c)| SingleDofSetup::of_drive(oil, preset).with(c));
     let mut bodes = Vec::new();
     for ((interface, _), setup) in LEGS.iter().zip(&legs) {
         for payload_n_m in [0.0, STIFFNESS_N_M] {

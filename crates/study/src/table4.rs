@@ -7,7 +7,7 @@ use docktwin_control::{compensation::Compensation, safety::Trip, sensing::Sensor
 use docktwin_core::{DMat3, DVec3, PERIOD_NS, Pose};
 use docktwin_hil::{
     clock::Clock,
-    scheduler::{ArmError, Idle, Loop, LoopSetup, SetupProblems, TickRecord},
+    scheduler::{ArmError, Idle, Loop, LoopSetup, RigParameters, SetupProblems, TickRecord},
 };
 use docktwin_model::{DockingMechanism, HydraulicPreset, Rig as RigModel, Spacecraft};
 use docktwin_physics::{
@@ -333,6 +333,8 @@ impl VibroTest {
 pub struct VibroSettings {
     /// Oil of the rig that the loop believes in.
     pub preset: HydraulicPreset,
+    /// What is believed of it besides; `None` as its file says.
+    pub parameters: Option<RigParameters>,
     /// Against the delay.
     pub compensation: Compensation,
     /// Where F4, M4 come from.
@@ -366,7 +368,9 @@ impl VibroTest {
         let tick_s = PERIOD_NS as f64 * 1e-9;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
         let ticks = (self.duration_s(s.contacts) / tick_s) as u64;
+        let parameters = s.parameters.unwrap_or_else(|| RigParameters::new(rig, None, None));
         LoopSetup::builder(rig, s.preset, &self.system, &self.bodies)
+            .parameters(parameters)
             .compensation(s.compensation)
             .sensors(s.scheme)
             .loads(Some(LOAD_LIMIT), Some(LOAD_LIMIT))

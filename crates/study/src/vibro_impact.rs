@@ -42,7 +42,8 @@ use docktwin_core::PERIOD_NS;
 use docktwin_hil::{
     clock::{Clock, VirtualClock},
     emulated::{EmulatedRig, EmulationError},
-    scheduler::{Loop, TickRecord},
+    identify::Identification,
+    scheduler::{Loop, RigParameters, TickRecord},
 };
 use docktwin_model::{DockingMechanism, HydraulicPreset, Rig, Spacecraft};
 use docktwin_rigport::{in_process::InProcess, rig::Rig as RigPort};
@@ -118,6 +119,8 @@ pub struct VibroOptions {
     pub cases: Vec<usize>,
     /// Against the delay of the rig; a lead is 0 to [`MOST_LEAD_S`].
     pub compensation: Compensation,
+    /// What is believed of the rig besides its file, as `rig identify` found it.
+    pub identification: Option<Identification>,
     /// Where F4, M4 come from.
     pub scheme: SensorScheme,
     /// Contacts to run through in each test, 1 to 1000.
@@ -139,6 +142,7 @@ impl VibroOptions {
             axes: [x, y].map(|a| AxisSet(vec![a])).into(),
             cases: (1..=PAPER_CASES).collect(),
             compensation,
+            identification: None,
             scheme: SensorScheme::Single,
             contacts: 1,
             draws: 0,
@@ -147,7 +151,7 @@ impl VibroOptions {
         }
     }
 
-    fn check(&self) -> Result<(), Vec<String>> {
+    fn check(&self, rig: &Rig) -> Result<(), Vec<String>> {
         let mut problems = Vec::new();
         let mut require = |right: bool, what: String| {
             if !right {
@@ -169,6 +173,17 @@ impl VibroOptions {
             (0.0..=MOST_LEAD_S).contains(&lead_s),
             format!("a lead of {lead_s} s: give 0 to {MOST_LEAD_S} s"),
         );
+        require(
+            self.preset.is_none() || rig.drive.hydraulic().is_some(),
+            format!(
+                "an oil volume is asked for, and no oil moves {}: leave the preset out",
+                rig.name
+            ),
+        );
+        require(
+            self.scheme == SensorScheme::Single || rig.sensors.is_some_and(|s| s.plate_force),
+            format!("{} has no sensor B: take the sensors \"single\"", rig.name),
+        );
         if problems.is_empty() { Ok(()) } else { Err(problems) }
     }
 
@@ -176,7 +191,8 @@ impl VibroOptions {
     #[must_use]
     pub fn settings(&self, rig: &Rig, session: u64, patience: Duration) -> VibroSettings {
         VibroSettings {
-            preset: self.preset.unwrap_or(rig.hydraulics.default_preset),
+            preset: rig.preset(self.preset),
+            parameters: Some(RigParameters::new(rig, self.identification.as_ref(), None)),
             compensation: self.compensation,
             scheme: self.scheme,
             contacts: self.contacts,
@@ -224,8 +240,8 @@ pub struct VibroImpact {
 /// Table 4 in figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VibroSummary {
-    /// Volume of the oil.
-    pub preset: HydraulicPreset,
+    /// Volume of the oil; `None` where no oil moves the legs.
+    pub preset: Option<HydraulicPreset>,
     /// Name of the compensator.
     pub compensator: String,
     /// Its lead, s.
@@ -633,7 +649,7 @@ pub fn vibro_impact<E>(
     progress: &mut dyn Progress,
     mut run: impl FnMut(&VibroTest, RigDraw) -> Result<TestRun, E>,
 ) -> Result<VibroImpact, VibroImpactError<E>> {
-    options.check().map_err(VibroImpactError::Options)?;
+    options.check(models.rig).map_err(VibroImpactError::Options)?;
     let plan: Vec<(&AxisSet, usize)> =
         options.axes.iter().flat_map(|a| options.cases.iter().map(move |c| (a, *c))).collect();
     let (mut records, mut tests) = (Vec::new(), Vec::new());
@@ -647,7 +663,7 @@ pub fn vibro_impact<E>(
     progress.done();
     Ok(VibroImpact {
         summary: VibroSummary {
-            preset: options.preset.unwrap_or(models.rig.hydraulics.default_preset),
+            preset: models.rig.oil(models.rig.preset(options.preset)),
             compensator: options.compensation.name().to_owned(),
             lead_s: options.compensation.lead_s(),
             sensors: options.scheme.into(),
@@ -717,7 +733,7 @@ pub fn emulated_rig(
         RigDraw::File => None,
         RigDraw::Seed(seed) => Some(seed),
     };
-    let preset = options.preset.unwrap_or(rig.hydraulics.default_preset);
+    let preset = rig.preset(options.preset);
     let rest = rig.docking.pose([0.0; 6]);
     EmulatedRig::new(rig, preset, built, options.seed, test.system.clone(), &rest)
 }

@@ -116,7 +116,7 @@ fn rigs(c: &mut Criterion) {
     let setup = RigSetup::of_rig(&rig, PRESET, Some(SEED));
     let forward = setup.feedforward();
     let built = PerturbedRig::draw(&rig, PRESET, SEED);
-    let full = || FullRig::new(&built.rig, &built.legs, FULL_STEP_S);
+    let full = || FullRig::new(&built.rig, built.legs.hydraulic().unwrap(), FULL_STEP_S);
     let mut group = c.benchmark_group("rig");
 
     let middle = rig.middle();
@@ -134,7 +134,7 @@ fn rigs(c: &mut Criterion) {
     let mut touching = Touching::new(&rig);
     let x_bp = touching.place(&rig);
     let reduced = ClosedRig::new(&setup, &x_bp).unwrap();
-    let step_s = reduced.plant().step_s();
+    let step_s = reduced.step_s();
     let contact = |x: &Pose, t: &Twist| touching.wrench(x, t, step_s);
     ticks(&mut group, "tick_reduced_with_contact", reduced, &forward, contact);
     let mut touching = Touching::new(&rig);

@@ -23,7 +23,7 @@ fn file(name: &str) -> Rig {
 }
 
 fn lossless(rig: &Rig, preset: HydraulicPreset) -> LegParameters {
-    let mut leg = LegParameters::of_rig(rig, preset).ideal();
+    let mut leg = LegParameters::of_drive(rig.drive.hydraulic().unwrap(), preset).ideal();
     leg.oil.leakage_m3_s_pa = 0.0;
     leg.oil.viscous_n_s_m = 0.0;
     leg
@@ -98,11 +98,12 @@ fn oracle_leg_forces_in_full_amplitude_motion() {
     let rig = file("stewart.urdf");
     let mut setup = RigSetup::of_rig(&rig, HydraulicPreset::Printed, None);
     // Forces of the oil are to be those on the rods.
-    setup.legs = [lossless(&rig, HydraulicPreset::Printed); 6];
-    setup.believed_legs = setup.legs;
+    let legs = [lossless(&rig, HydraulicPreset::Printed); 6];
+    let oil = setup.hydraulic_mut().unwrap();
+    (oil.legs, oil.believed_legs) = (legs, legs);
     setup.dead_time_s = 0.0;
     let platform = setup.platform.clone();
-    let full = FullRig::new(&rig, &setup.legs, FULL_STEP_S);
+    let full = FullRig::new(&rig, &legs, FULL_STEP_S);
     let mut closed = ClosedRig::with_plant(full, &setup, &rig.middle()).unwrap();
     let forward = setup.feedforward();
     let (mut off, mut forces, mut open, mut strayed) = (vec![], vec![], 0.0_f64, 0.0_f64);
@@ -110,7 +111,7 @@ fn oracle_leg_forces_in_full_amplitude_motion() {
         let time_s = f64::from(tick) * TICK_S;
         let wanted = motion(&rig, &platform, time_s);
         let m = closed.tick(&forward.command(&wanted).unwrap(), |_, _| Wrench::ZERO).unwrap();
-        open = open.max(closed.plant().closure_error_m());
+        open = open.max(closed.plant().unwrap().closure_error_m());
         strayed =
             strayed.max((m.x_bp.p - motion(&rig, &platform, time_s + TICK_S).x_bp.p).length());
         let c = platform.at(&m.x_bp);
@@ -170,7 +171,7 @@ fn oracle_the_full_rig_moves_as_the_reduced_one() {
     let setup = RigSetup::of_rig(&rig, HydraulicPreset::Stiff, None);
     let x_bp = rig.middle();
     let mut reduced = ClosedRig::new(&setup, &x_bp).unwrap();
-    let full = FullRig::new(&rig, &setup.legs, FULL_STEP_S);
+    let full = FullRig::new(&rig, &setup.hydraulic().unwrap().legs, FULL_STEP_S);
     let mut full = ClosedRig::with_plant(full, &setup, &x_bp).unwrap();
     let forward = setup.feedforward();
     let (mut apart, mut turned) = (0.0_f64, 0.0_f64);

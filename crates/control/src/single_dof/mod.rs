@@ -21,7 +21,7 @@ pub mod transfer;
 
 use core::f64::consts::TAU;
 
-use docktwin_model::{HydraulicPreset, Rig};
+use docktwin_model::{HydraulicDrive, HydraulicPreset};
 use docktwin_physics::hydraulics::LegParameters;
 
 pub use self::{
@@ -89,14 +89,14 @@ impl SingleDofSetup {
     /// Table 1 with oil, valve and seal of a rig's file, its own tuning, a sensor of 350 Hz and
     /// damping ratio 0.7, not compensated.
     #[must_use]
-    pub fn of_rig(rig: &Rig, preset: HydraulicPreset) -> Self {
-        let leg = LegParameters::of_rig(rig, preset);
+    pub fn of_drive(drive: &HydraulicDrive, preset: HydraulicPreset) -> Self {
+        let leg = LegParameters::of_drive(drive, preset);
         Self {
             leg,
             believed_leg: leg,
             mass_kg: REFERRED_MASS_KG,
             tuning: LegTuning::preset(preset, &leg),
-            dead_time_s: rig.valve.dead_time_s,
+            dead_time_s: drive.valve.dead_time_s,
             sensor: ForceSensor { natural_frequency_hz: 350.0, damping_ratio: 0.7 },
             compensation: Compensation::None,
         }

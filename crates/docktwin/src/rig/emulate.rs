@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use docktwin_hil::realtime::{catch_termination, relax};
+use docktwin_model::Drive;
 use docktwin_rigport::ipc::{RigEvent, RigServer, ServeOptions};
 use docktwin_run::commission::Stand;
 use serde_json::json;
@@ -33,7 +34,7 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
             "ready: ipc:{}, {}, {}, mechanism of {}{}",
             args.name,
             stand.rig.name,
-            stand.preset.word(),
+            drive_word(&stand),
             stand.scenario_name(),
             if report.is_best_effort() { ", best effort" } else { "" }
         );
@@ -72,4 +73,13 @@ pub(super) fn run(args: &EmulateArgs, as_json: bool) -> Result<ExitCode, Failure
         );
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The oil volume, or what moves the legs without oil.
+fn drive_word(stand: &Stand) -> &'static str {
+    match &stand.rig.drive {
+        Drive::Hydraulic(_) => stand.preset.word(),
+        Drive::PositionLoop(_) => "position loops",
+        Drive::Measured(_) => "measured drives",
+    }
 }

@@ -8,7 +8,7 @@ use std::{
 use docktwin_hil::{calibrate::Calibration, identify::Identification};
 use docktwin_run::{
     commission::{self, CalibrateOptions, DriveOptions, IdentifyOptions, Stand},
-    rigfile::{DOFS, RigFile, write},
+    rigfile::{DOFS, RigFile, write, write_new},
 };
 
 use super::{CalibrateArgs, IdentifyArgs, MeasureArgs};
@@ -68,7 +68,12 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
     };
     let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
     let (found, file) = commission::identify(m.stand()?, &m.drive(), &asked, &mut operator)?;
-    m.finish(&file, &identified(&found), json)
+    let mut words = identified(&found);
+    if let Some(path) = &args.drive {
+        write_new(path, &file.drive_table()).map_err(docktwin_run::RunError::from)?;
+        words.push(format!("drive        {}: the table [drive] of a measured rig", path.display()));
+    }
+    m.finish(&file, &words, json)
 }
 
 fn identified(found: &Identification) -> Vec<String> {
@@ -78,17 +83,32 @@ fn identified(found: &Identification) -> Vec<String> {
         found.delay_s() * 1e3,
         found.found.lag_s * 1e3
     )];
-    for i in 0..6 {
-        let (a, b) = (&found.found, &found.corrected);
-        words.push(format!(
-            "leg {i}        null bias {:+.4} % of stroke, flow gain {:.4}, friction {:.0} N; at standstill {:+.1} um, \
-             corrected {:+.1} um",
-            a.null_bias[i] * 100.0,
-            a.flow_gain[i],
-            a.friction_n[i],
-            a.hold_error_m[i] * 1e6,
-            b.hold_error_m[i] * 1e6
-        ));
+    let (a, b) = (&found.found, &found.corrected);
+    if let Some((was, is)) = a.legs.as_ref().zip(b.legs.as_ref()) {
+        for i in 0..6 {
+            let at_rest = was.hold_error_m[i] * 1e6;
+            words.push(a.valves.map_or_else(
+                || {
+                    let late = was.lag_s[i] * 1e3;
+                    format!("leg {i}        {late:.3} ms behind; at standstill {at_rest:+.1} um")
+                },
+                |v| {
+                    format!(
+                        "leg {i}        null bias {:+.4} % of stroke, flow gain {:.4}, friction {:.0} N; at standstill \
+                         {at_rest:+.1} um, corrected {:+.1} um",
+                        v.null_bias[i] * 100.0,
+                        v.flow_gain[i],
+                        v.friction_n[i],
+                        is.hold_error_m[i] * 1e6
+                    )
+                },
+            ));
+        }
+    }
+    if a.valves.is_none() {
+        words.push(
+            "valves       none, or their openings are not reported: nothing to correct".to_owned(),
+        );
     }
     words.extend(found.response.iter().map(|p| {
         format!(

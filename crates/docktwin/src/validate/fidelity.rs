@@ -51,6 +51,7 @@ Examples:
   docktwin validate fidelity scenarios/apas_fast.toml --budget
   docktwin validate fidelity scenarios/apas_fast.toml --without legs --without rack
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
+  docktwin validate fidelity scenarios/apas_fast.toml --perturb 7 --identification p7.toml
   docktwin validate fidelity scenarios/apas_fast.toml --draws 100 --mechanism-grade coarse
   docktwin validate fidelity scenarios/apas_fast.toml --offload-map --set run.duration_s=8
   docktwin validate fidelity scenarios/apas_fast.toml \\
@@ -104,6 +105,7 @@ fn refuse_given_lead(args: &FidelityArgs, all: &[Scenario]) -> Result<(), Failur
     let where_ = match (args.on_rig.lead_ms, all.iter().find(given)) {
         (Some(_), _) => "--lead-ms".to_owned(),
         (None, Some(s)) => format!("loop.lead_s of {}", s.name),
+        (None, None) if args.on_rig.identification.is_some() => "--identification".to_owned(),
         (None, None) => return Ok(()),
     };
     Err(Failure::Usage {

@@ -5,12 +5,12 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use docktwin_control::sensing::SensorScheme;
-use docktwin_hil::scheduler::believed_delays_s;
+use docktwin_hil::scheduler::RigParameters;
 use docktwin_model::Rig;
 use docktwin_report::study::vibro_impact as report;
 use docktwin_run::{
     commission::DriveOptions,
-    rig_place::{RigPlace, compensation, confirm},
+    rig_place::{RigPlace, compensation, confirm, identification},
 };
 use docktwin_scenario::CompensatorChoice;
 use docktwin_study::{
@@ -54,6 +54,7 @@ Examples:
   docktwin validate vibro-impact --axis x --case 6 --compensator none --contacts 8
   docktwin validate vibro-impact --axis x+y+roll --case 3 --lead-ms 10     too much: peaks fall
   docktwin validate vibro-impact --axis x --draws 20 --json                rigs as built
+  docktwin validate vibro-impact --model models/urdf/electric_hexapod.toml --compensator none
   docktwin rig emulate models/urdf/stewart.toml --name lab --scenario scenarios/vibro_impact.toml &
   docktwin validate vibro-impact --axis x --case 3 --rig ipc:lab --clock realtime --yes
 
@@ -71,9 +72,12 @@ pub(crate) struct VibroArgs {
     /// Against the delay of the rig
     #[arg(long, value_parser = compensator, value_name = CompensatorChoice::NAMES, default_value = "lead")]
     compensator: CompensatorChoice,
-    /// Lead, ms [default: the delay that the rig's file lets one believe]
+    /// Lead, ms [default: by --identification, or the delay that the rig's file lets one believe]
     #[arg(long, value_name = "MS", value_parser = not_negative)]
     lead_ms: Option<f64>,
+    /// File of `rig identify`: null bias and flow gain are corrected, and the lead is its own
+    #[arg(long, value_name = "FILE")]
+    identification: Option<PathBuf>,
     /// Sensors that F4, M4 come from
     #[arg(long, value_parser = ["single", "two"], default_value = "single")]
     sensors: String,
@@ -180,8 +184,12 @@ fn refused(what: impl core::fmt::Display) -> Failure {
 
 /// What the arguments ask for.
 fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
-    let lead_s = args.lead_ms.map_or_else(|| believed_delays_s(rig).iter().sum(), |ms| ms * 1e-3);
+    let found = args.identification.as_deref().map(|path| identification(path, rig));
+    let found = found.transpose()?.map(|(_, found)| found);
+    let believed = RigParameters::new(rig, found.as_ref(), None);
+    let lead_s = args.lead_ms.map_or(believed.lead_s, |ms| ms * 1e-3);
     let mut options = VibroOptions::new(compensation(args.compensator, lead_s)?);
+    options.identification = found;
     if !args.axis.is_empty() {
         options.axes.clone_from(&args.axis);
     }

@@ -448,6 +448,45 @@ pub(crate) const CASES: &[Case] = &[
             "hil apas_nominal.toml --rig emulated --set initial.gap_m=0.05 --set run.duration_s=0.1 --no-rrd --out hil",
         )],
     ),
+    words(
+        "make loop.sensors \"single\": F4 and M4 then come from sensor A",
+        "hil apas_nominal.toml --rig emulated --model models/urdf/electric_hexapod.toml --set loop.sensors=two \
+         --set run.duration_s=0.1",
+        &[(
+            nothing,
+            "hil apas_nominal.toml --rig emulated --model models/urdf/electric_hexapod.toml --set loop.sensors=single \
+             --set run.duration_s=0.1 --no-rrd --out hil",
+        )],
+    ),
+    words(
+        "leave the preset out",
+        "rig identify --rig emulated --model models/urdf/electric_hexapod.toml --scenario apas_nominal.toml --preset \
+         stiff --dof x --out a.toml",
+        &[(
+            nothing,
+            "rig identify --rig emulated --model models/urdf/electric_hexapod.toml --scenario apas_nominal.toml --dof x \
+             --out found.toml",
+        )],
+    ),
+    words(
+        "take `analyze bode` without --preset and --set, which measures their response, or a hydraulic rig",
+        "analyze frequency models/urdf/electric_hexapod.toml --out found",
+        &[
+            (
+                nothing,
+                "analyze bode models/urdf/electric_hexapod.toml --payload none --dof x --out found",
+            ),
+            (nothing, "analyze frequency models/urdf/stewart.toml --out on_oil"),
+        ],
+    ),
+    words(
+        "give a hydraulic rig, models/urdf/stewart.toml is one",
+        "validate single-dof --rig models/urdf/electric_hexapod.toml --mechanism models/urdf/apas_active.urdf --out found",
+        &[(
+            nothing,
+            "validate single-dof --rig models/urdf/stewart.toml --mechanism models/urdf/apas_active.urdf --out found",
+        )],
+    ),
     Case {
         remedy: "add one; models/urdf/stewart.toml is an example",
         breaks: blind,

@@ -31,7 +31,7 @@ fn case(remedy: &'static str, broken: &[Edit], mends: &[&[Edit]]) -> Case {
 }
 
 /// Short names of shipped files.
-const SHIPPED: [(&str, &str); 15] = [
+const SHIPPED: [(&str, &str); 17] = [
     ("chaser.urdf", "models/urdf/chaser_8t.urdf"),
     ("chaser.toml", "models/urdf/chaser_8t.toml"),
     ("active.urdf", "models/urdf/apas_active.urdf"),
@@ -45,6 +45,8 @@ const SHIPPED: [(&str, &str); 15] = [
     ("drogue.toml", "models/urdf/probe_passive.toml"),
     ("rig.urdf", "models/urdf/stewart.urdf"),
     ("rig.toml", "models/urdf/stewart.toml"),
+    ("hexapod.toml", "models/urdf/electric_hexapod.toml"),
+    ("measured.toml", "models/urdf/electric_hexapod_measured.toml"),
     ("scenario", "scenarios/apas_nominal.toml"),
     ("bare_scenario", "scenarios/basic_ring_ring.toml"),
 ];
@@ -105,6 +107,8 @@ fn problems(files: &Files, file: &str) -> Vec<Problem> {
         Some("stick") => mechanism("stick"),
         Some("probe" | "drogue") => mechanism("probe"),
         Some("rig") => load_rig_from(&sources, &model("stewart")).map(drop),
+        Some("hexapod") => load_rig_from(&sources, &model("electric_hexapod")).map(drop),
+        Some("measured") => load_rig_from(&sources, &model("electric_hexapod_measured")).map(drop),
         _ => {
             let loaded = Loader::new().sources(sources).load(&place(path_of(file)));
             return loaded.err().map(|e| e.problems).unwrap_or_default();
@@ -181,6 +185,7 @@ pub(crate) fn cases() -> Vec<Case> {
     out.extend(attenuation());
     out.extend(both_sides());
     out.extend(surfaces());
+    out.extend(drives());
     out.extend(rig_files());
     out.extend(rig_geometry());
     out.extend(scenario());
@@ -678,6 +683,28 @@ fn surfaces() -> Vec<Case> {
         undo(
             "add [ring], or take [petals] out",
             &[("passive.toml", part("passive.toml", "[ring]", "\n\n"), "# no ring")],
+        ),
+    ]
+}
+
+fn drives() -> Vec<Case> {
+    const M: &str = "measured.toml";
+    const ROW: &str = "  [10, 0.828";
+    let many = kept(format!("{}  [0.235, 0.9999", "  [0.5, 1.0, -3.9],\n".repeat(1000)));
+    vec![
+        undo(
+            "remove the table",
+            &[("hexapod.toml", "[sensors]\n", "[friction]\ncoulomb_n = 1.0\n[sensors]\n")],
+        ),
+        undo(
+            "give rows of frequency (0.01 to 200 Hz), gain (0.01 to 10) and phase in degrees",
+            &[(M, "  [0.235, 0.9999", "  [0.235, 90.9999")],
+        ),
+        undo("give 2 to 1000 rows", &[(M, "  [0.235, 0.9999", many)]),
+        case(
+            "leave out frequencies above those that dockings have, 5 Hz, or measure it again with `rig identify`",
+            &[(M, ROW, "  [10, 2.828")],
+            &[&[(M, "  [10, 2.828", "  # [10, 2.828")], &[(M, "  [10, 2.828", ROW)]],
         ),
     ]
 }

@@ -317,7 +317,7 @@ fn rig(last: &RigMeasurement) -> Check {
     } else if enabled {
         "enabled"
     } else {
-        "not enabled: switch the hydraulics on"
+        "not enabled: switch its drives on"
     };
     Check::new("rig", enabled && !safe, found)
 }

@@ -131,7 +131,8 @@ impl RigParameters {
 }
 
 /// Delays of the rig according to its file, s: from the time of a command to the motion of the
-/// plate, and from the force to its reading.
+/// plate (transport and, with position loops, their lag), and from the force to its reading by sensor A. Their
+/// sum is the lead that is believed to undo the rig.
 #[must_use]
 pub fn believed_delays_s(rig: &RigModel) -> [f64; 2] {
     let sensor = rig.sensors.map_or(0.0, |s| {
@@ -139,7 +140,7 @@ pub fn believed_delays_s(rig: &RigModel) -> [f64; 2] {
         let rate = core::f64::consts::TAU * f.natural_frequency_hz;
         f.delay_s + 2.0 * f.damping_ratio / rate
     });
-    [rig.valve.dead_time_s - tick_s(), sensor]
+    [rig.drive.lag_s() - tick_s(), sensor]
 }
 
 fn tick_s() -> f64 {

@@ -41,6 +41,7 @@ pub(crate) fn axis(name: &str) -> Axis {
 pub(crate) fn settings(compensation: Compensation) -> VibroSettings {
     VibroSettings {
         preset: HydraulicPreset::Printed,
+        parameters: None,
         compensation,
         scheme: SensorScheme::Single,
         contacts: 1,

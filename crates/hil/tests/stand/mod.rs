@@ -91,7 +91,7 @@ impl Stand {
     pub(crate) fn identified(&self, dofs: Vec<usize>, hz: Vec<f64>) -> Identification {
         let place = self.middle();
         let mut drive = self.drive(free_stick(), &place, LegCorrections::default());
-        let legs = self.believed().believed_legs;
+        let legs = self.believed().hydraulic().map(|oil| oil.believed_legs);
         let setup = IdentifySetup { legs, place, room_m: 0.2, dofs, hz, lever_m: 0.5 };
         let found = identify(&mut drive, &setup).expect("as the model says");
         drive.finish().expect("as the model says");

@@ -11,6 +11,7 @@
 //! # Ok::<(), docktwin_model::keys::UnknownKey>(())
 //! ```
 
+mod drive;
 mod explain;
 mod mechanism;
 mod page;

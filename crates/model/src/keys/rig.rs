@@ -1,13 +1,18 @@
 //! Keys of the TOML beside a motion simulator's URDF.
 
-use super::{Group, Key, Need, Need::Required, SCHEMA, Shape, key, names, table, tables};
-use crate::rig::{DeadZoneLaw, HydraulicPreset};
+use super::{
+    Group, Key, Need,
+    Need::Required,
+    SCHEMA, Shape,
+    drive::{DRIVE, FRICTION, HYDRAULICS, OIL_VOLUMES, SPREAD, VALVE, WITH_OIL},
+    key, names, table, tables,
+};
+use crate::rig::{DeadZoneLaw, FORCE_SENSORS as FORCE_WORDS};
 use crate::toml_check::Range;
 
-const PRESETS: [&str; 3] = names(&HydraulicPreset::WORDS);
+const FORCE_AT: [&str; 2] = names(&FORCE_WORDS);
 const DEAD_ZONES: [&str; 2] = names(&DeadZoneLaw::WORDS);
 
-const PART: Shape = Shape::Number(Range::within(0.0, 0.9));
 const PAIR: Shape = Shape::List(2, Range::within(0.0, 1e7));
 const POINT: Shape = Shape::List(3, Range::within(-50.0, 50.0));
 
@@ -256,78 +261,9 @@ pub(super) const RIG: &[Group] = &[
             ),
         ],
     },
-    Group {
-        tables: &[table(
-            "hydraulics",
-            Required,
-            "Oil and cylinder of every leg, (10) and Table 1 of the paper.",
-        )],
-        keys: &[
-            key(
-                "default",
-                Shape::Words(&PRESETS),
-                "\"printed\"",
-                "The oil volume that is meant when none is named.",
-                "Three volumes stand in the file; one of them must be meant.",
-            ),
-            key(
-                "area_m2",
-                Shape::Number(Range::positive(1.0)),
-                "0.06",
-                "Effective piston area A, both sides alike.",
-                "Force per pressure and speed per flow; the oil spring goes with its square.",
-            ),
-            key(
-                "bulk_modulus_pa",
-                Shape::Number(Range::within(1e7, 3e9)),
-                "6.9e8",
-                "Bulk modulus β_e of the oil, air in it included.",
-                "The oil spring goes with it: K_h = 4 β_e A²/V_t.",
-            ),
-            key(
-                "viscous_n_s_m",
-                Shape::Number(Range::within(0.0, 1e6)),
-                "20.0",
-                "Viscous friction B_c of a cylinder.",
-                "Damping of the oil spring; the paper's is small.",
-            ),
-            key(
-                "dead_volume_m3",
-                Shape::Number(Range::within(0.0, 10.0)),
-                "0.006",
-                "Oil that no piston position expels, both chambers and lines to the valve together.",
-                "With area and stroke it is the volume that belongs to the rig; presets that differ are \
-                 flagged.",
-            ),
-        ],
-    },
-    Group {
-        tables: &[
-            table("hydraulics.printed", Required, "Oil volume: Table 1 of the paper as printed."),
-            table("hydraulics.consistent", Required, "Oil volume that fits the stroke."),
-            table(
-                "hydraulics.stiff",
-                Required,
-                "A tenth of the printed volume, with a bypass leak.",
-            ),
-        ],
-        keys: &[
-            key(
-                "total_volume_m3",
-                Shape::Number(Range::positive(10.0)),
-                "0.36",
-                "Total volume V_t.",
-                "Decides the rig's stiffness more than anything else.",
-            ),
-            key(
-                "leakage_m3_s_pa",
-                Shape::Number(Range::within(0.0, 1e-6)),
-                "9e-12",
-                "Total flow–pressure coefficient K_ce.",
-                "Larger damps the oil spring more and reduces the static stiffness.",
-            ),
-        ],
-    },
+    DRIVE,
+    HYDRAULICS,
+    OIL_VOLUMES,
     VALVE,
     FRICTION,
     Group {
@@ -337,6 +273,15 @@ pub(super) const RIG: &[Group] = &[
             "What measures on the rig.",
         )],
         keys: &[
+            key(
+                "force_sensors",
+                Shape::Words(&FORCE_AT),
+                "\"rack_and_plate\"",
+                "Where there are force–torque sensors: A on the rack, and B on the plate.",
+                "With A alone, F4 and M4 come from it by (12) and (13), and `loop.sensors = \"two\"` is \
+                 refused.",
+            )
+            .optional("both are there"),
             key(
                 "length_noise_m",
                 Shape::Number(Range::within(0.0, 0.01)),
@@ -348,7 +293,7 @@ pub(super) const RIG: &[Group] = &[
                 "length_quantum_m",
                 Shape::Number(Range::within(0.0, 0.01)),
                 "1e-6",
-                "Step of a length sensor.",
+                "Step of a length sensor or encoder.",
                 "0 for none.",
             ),
             key(
@@ -357,7 +302,8 @@ pub(super) const RIG: &[Group] = &[
                 "40.0",
                 "Standard deviation of a leg's force as its pressure sensors report it.",
                 "Noise in the pressure feedback.",
-            ),
+            )
+            .only(WITH_OIL),
         ],
     },
     FORCE_SENSORS,
@@ -396,111 +342,11 @@ pub(super) const RIG: &[Group] = &[
     },
 ];
 
-const VALVE: Group = Group {
-    tables: &[table("valve", Required, "Servo valve and supply of every leg.")],
-    keys: &[
-        key(
-            "natural_frequency_hz",
-            Shape::Number(Range::within(1.0, 1000.0)),
-            "80.0",
-            "Natural frequency of the spool.",
-            "Lower delays every command: about 2 ζ/ω.",
-        ),
-        key(
-            "damping_ratio",
-            Shape::Number(Range::within(0.05, 2.0)),
-            "0.7",
-            "Damping ratio of the spool.",
-            "As the natural frequency.",
-        ),
-        key(
-            "no_load_flow_m3_s",
-            Shape::Number(Range::positive(1.0)),
-            "0.042",
-            "Flow at full spool without load.",
-            "Over the piston area it is the fastest speed of a rod.",
-        ),
-        key(
-            "slew_full_strokes_per_s",
-            Shape::Number(Range::within(0.1, 1e4)),
-            "10.0",
-            "Fastest motion of the spool, full strokes per second.",
-            "Limits amplitude at high frequency.",
-        ),
-        key(
-            "null_bias",
-            Shape::Number(Range::within(-0.1, 0.1)),
-            "0.0",
-            "Spool position at zero command, as a part of full stroke.",
-            "Makes legs creep; 0.003 looks like 2 to 12 ms of delay at docking speeds.",
-        ),
-        key(
-            "supply_pressure_pa",
-            Shape::Number(Range::within(1e5, 5e7)),
-            "1.0e7",
-            "Supply over return pressure.",
-            "Over the load pressure it is how far flow depends on load.",
-        ),
-        key(
-            "dead_time_s",
-            Shape::Number(Range::within(0.0, 0.1)),
-            "0.002",
-            "From a command to the valve.",
-            "The part of the rig's delay that no controller takes back.",
-        ),
-    ],
-};
-
-const FRICTION: Group = Group {
-    tables: &[table(
-        "friction",
-        Required,
-        "Friction of a leg's seals, a bristle after LuGre (Canudas de Wit et al. 1995).",
-    )],
-    keys: &[
-        key(
-            "coulomb_n",
-            Shape::Number(Range::within(0.0, 1e5)),
-            "500.0",
-            "Friction while sliding.",
-            "Where the rig differs most from a linear one at small amplitudes.",
-        ),
-        key(
-            "static_n",
-            Shape::Number(Range::within(0.0, 1e5)),
-            "650.0",
-            "Break-away friction, at least the sliding one.",
-            "Makes a leg stick at reversals.",
-        ),
-        key(
-            "stribeck_velocity_m_s",
-            Shape::Number(Range::positive(1.0)),
-            "0.005",
-            "Speed at which the excess of the break-away friction has faded to 1/e.",
-            "As the break-away friction.",
-        ),
-        key(
-            "bristle_n_m",
-            Shape::Number(Range::positive(1e12)),
-            "1.0e7",
-            "Stiffness of the bristle.",
-            "Break-away friction over it is the presliding displacement.",
-        ),
-        key(
-            "bristle_damping_n_s_m",
-            Shape::Number(Range::within(0.0, 1e9)),
-            "3.0e4",
-            "Damping of the bristle.",
-            "Lets the bristle follow without ringing.",
-        ),
-    ],
-};
-
 const FORCE_SENSORS: Group = Group {
     tables: &[table(
         "sensors.force",
         Need::Where("[sensors] is there"),
-        "Both force–torque sensors, alike: A under the active mechanism (origin and axes of `e3`), B \
+        "The force–torque sensors, alike: A under the active mechanism (origin and axes of `e3`), B \
          over the passive one (`e4`). Pairs are of force and moment.",
     )],
     keys: &[
@@ -642,60 +488,6 @@ const OFFLOAD: Group = Group {
             "0.05",
             "Damping of the moving mass on the hanger as a part of the critical one.",
             "How long the moving mass swings on the rope after a blow.",
-        ),
-    ],
-};
-
-const SPREAD: Group = Group {
-    tables: &[table(
-        "spread",
-        Required,
-        "Half-widths within which an emulated rig is drawn away from this file (`--perturb`, `--seed`); \
-         the loop goes on believing the file.",
-    )],
-    keys: &[
-        key(
-            "flow_gain",
-            PART,
-            "0.05",
-            "Of the valves' flow gain, relative.",
-            "A leg that is too fast or slow.",
-        ),
-        key(
-            "null_bias",
-            Shape::Number(Range::within(0.0, 0.1)),
-            "0.003",
-            "Of the valves' null bias, parts of full stroke.",
-            "A leg that creeps.",
-        ),
-        key(
-            "friction",
-            PART,
-            "0.5",
-            "Of both frictions, relative.",
-            "Seals change with pressure and age.",
-        ),
-        key("bulk_modulus", PART, "0.1", "Of the bulk modulus, relative.", "Dissolved air."),
-        key(
-            "plate_mass",
-            PART,
-            "0.03",
-            "Of the plate's mass and inertia, relative.",
-            "Mass as built.",
-        ),
-        key(
-            "valve_frequency",
-            PART,
-            "0.05",
-            "Of the spool's natural frequency, relative.",
-            "Delay of the legs.",
-        ),
-        key(
-            "dead_time_s",
-            Shape::Number(Range::within(0.0, 0.1)),
-            "0.0005",
-            "Of the dead time.",
-            "Delay of the whole rig, which the lead must match.",
         ),
     ],
 };

@@ -122,7 +122,7 @@ pub fn words(f: &Frequency) -> String {
         "{}: plate on its oil springs of {:.3e} N/m, valves closed\n\
          {:14} middle    least                                     greatest\n",
         title(&s.subject),
-        s.subject.oil_spring_n_m,
+        s.subject.oil_spring_n_m.unwrap_or(f64::NAN),
         "natural freq."
     );
     let mut line = |name: &str, middle: f64, span: &Span| {

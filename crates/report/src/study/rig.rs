@@ -1,12 +1,13 @@
 //! What studies of a rig have in common.
 
-use docktwin_model::{DockingWorkspace, Place};
+use docktwin_model::{DockingWorkspace, HydraulicPreset, Place};
 use docktwin_study::rig::{Dof, SubjectSummary};
 
 /// Name, preset and draw in words.
 pub(super) fn title(subject: &SubjectSummary) -> String {
     let drawn = subject.seed.map_or(String::new(), |s| format!(", drawn with seed {s}"));
-    format!("{}, {}{drawn}", subject.rig, subject.preset.word())
+    let oil = subject.preset.map_or("no oil", HydraulicPreset::word);
+    format!("{}, {oil}{drawn}", subject.rig)
 }
 
 /// Header of [`place_csv`].

@@ -2,6 +2,7 @@
 
 use core::fmt::Write as _;
 
+use docktwin_model::HydraulicPreset;
 use docktwin_plot::{Axis, Colour, Dash, Line, Plot, PlotError};
 use docktwin_run::rig_place::{ClockKind, RigPlace};
 use docktwin_study::vibro_impact::{
@@ -95,7 +96,7 @@ pub fn words(found: &VibroImpact, place: &RigPlace, clock: ClockKind) -> String 
         RigPlace::Emulated => "emulated rig",
         RigPlace::Port(_) => "rig behind a port",
     };
-    let preset = found.summary.preset.word();
+    let preset = found.summary.preset.map_or("no oil", HydraulicPreset::word);
     let compensation = compensation(&found.summary);
     let mut out = format!("Table 4 on the {place} ({preset}), {compensation}; % off one\n");
     out.push_str(

@@ -18,7 +18,7 @@ use docktwin_rigport::rig::Rig;
 
 pub use self::prepare::{HilOptions, HilRun};
 pub(crate) use self::{
-    prepare::{MECHANISM_DIGEST, kept_mechanism, kept_name, refuse_sag, rig_path},
+    prepare::{MECHANISM_DIGEST, kept_mechanism, kept_name, preset, refuse_sag, rig_path},
     recorder::HilRecorder,
 };
 use crate::{
@@ -45,6 +45,8 @@ fn seconds(closed_tick: u64) -> f64 {
 
 /// What is left of a loop.
 struct Ended {
+    /// The lead of the compensator, and the one that is believed to undo the rig, s.
+    leads_s: [f64; 2],
     end: Stopped,
     times: LoopTimes,
     late: u64,
@@ -110,10 +112,12 @@ fn keep_time<R: Rig, K: Clock, C: Control>(
 
 fn ended<R: Rig, K: Clock>(running: Loop<R, K, Running>, broken: Option<String>) -> Ended {
     let counts = running.clock_counts();
+    let setup = running.setup();
+    let leads_s = [setup.compensation.lead_s(), setup.parameters.lead_s];
     let times = running.times().clone();
     let end = running.stop().into_end();
     let (late, missed) = (counts.overruns, counts.missed);
-    Ended { end, times, late, missed, broken, dropped: 0, lacking: None, stopped: None }
+    Ended { end, times, late, missed, broken, leads_s, dropped: 0, lacking: None, stopped: None }
 }
 
 impl<'a> HilRun<'a> {

@@ -202,7 +202,16 @@ impl<'a> HilRun<'a> {
             ));
         }
         let hil = &scenario.hil;
-        let preset = hil.preset.unwrap_or(rig.hydraulics.default_preset);
+        let preset = preset(&rig, hil.preset, "loop.preset of the scenario")?;
+        if hil.two_sensors && !rig.sensors.is_some_and(|s| s.plate_force) {
+            return Err(RunError::usage(
+                format!(
+                    "the rig has no sensor B, and loop.sensors is \"two\": {}",
+                    rig_path.display()
+                ),
+                "make loop.sensors \"single\": F4 and M4 then come from sensor A",
+            ));
+        }
         let (system, bodies) = start(scenario)?;
         let article = options.mechanism.article(scenario, &system)?;
         refuse_sag(&rig, &article.article.system, &rig_path)?;
@@ -370,7 +379,7 @@ impl<'a> HilRun<'a> {
             ("clock", o.clock.name().to_owned()),
             ("compensator", compensation.name().to_owned()),
             ("lead_s", compensation.lead_s().to_string()),
-            ("preset", self.preset.word().to_owned()),
+            ("preset", self.rig.oil_word(self.preset).to_owned()),
             ("perturb", o.perturb.map_or("none".to_owned(), |s| s.to_string())),
             ("tick_nanos", self.scenario.run.tick_nanos.to_string()),
             ("digest:rig", self.rig.digest.to_string()),
@@ -476,6 +485,25 @@ fn period_s(scenario: &Scenario) -> Result<f64, RunError> {
         format!("the loop runs at 1 kHz, the scenario has ticks of {tick_s} s"),
         "leave run.tick_s at 0.001 for `hil`",
     ))
+}
+
+/// The oil volume that is meant; `where_` is what asks for one.
+pub(crate) fn preset(
+    rig: &RigModel,
+    asked: Option<HydraulicPreset>,
+    where_: &str,
+) -> Result<HydraulicPreset, RunError> {
+    match asked {
+        Some(preset) if rig.drive.hydraulic().is_none() => Err(RunError::usage(
+            format!(
+                "{where_} asks for the oil volume {}, and no oil moves {}",
+                preset.word(),
+                rig.name
+            ),
+            "leave the preset out",
+        )),
+        asked => Ok(rig.preset(asked)),
+    }
 }
 
 /// A mechanism that would sag out of its travel stands on no rig.

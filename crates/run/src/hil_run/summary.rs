@@ -50,6 +50,8 @@ pub(super) fn loop_summary(ended: &Ended) -> LoopSummary {
                 (name.to_owned(), phase)
             })
             .collect(),
+        lead_ms: Some(ended.leads_s[0] * 1e3),
+        believed_lead_ms: Some(ended.leads_s[1] * 1e3),
     }
 }
 

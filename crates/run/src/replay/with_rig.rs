@@ -96,7 +96,8 @@ pub(super) fn replay(replay: &mut Replay, found: &mut Replayed) -> Result<(), Ru
     same_files(&scenario.files, replay.metadata(), replay.path())?;
     let prepared = HilRun::new(&scenario, options)?;
     let of = |key: &str| replay.metadata().get(key).map_or("", String::as_str);
-    if of("digest:rig") != prepared.rig.digest.to_string() || of("preset") != prepared.preset.word()
+    if of("digest:rig") != prepared.rig.digest.to_string()
+        || of("preset") != prepared.rig.oil_word(prepared.preset)
     {
         return Err(damaged(replay, "the rig is not the one of the recording"));
     }

@@ -534,9 +534,14 @@ pub fn bode(
     options.check()?;
     let subject = Subject::new(rig, &options.build);
     let mut setup = subject.setup(&options.leg_control);
-    if options.linear_range {
-        setup.legs = setup.legs.map(|l| l.ideal());
-        setup.believed_legs = setup.believed_legs.map(|l| l.ideal());
+    let asks_for_oil = options.build.preset.is_some() || options.leg_control.needs_oil();
+    match setup.hydraulic_mut() {
+        Some(oil) if options.linear_range => {
+            oil.legs = oil.legs.map(|l| l.ideal());
+            oil.believed_legs = oil.believed_legs.map(|l| l.ideal());
+        }
+        None if asks_for_oil => return Err(subject.no_oil()),
+        _ => {}
     }
     let work = Work {
         lever_m: setup.platform.plate_radius_m(),
@@ -705,7 +710,7 @@ mod tests {
         };
         let mut rig = shipped();
         // A dead time that the command path cannot hold.
-        rig.valve.dead_time_s = 10.0;
+        rig.drive.set_dead_time_s(10.0);
         let Err(e) = bode(&rig, &options, &mut ()) else { panic!("the rig cannot be built") };
         let RigError::Response { dof: Dof::Z, payload: Payload::Lateral, source, .. } = &e else {
             panic!("{e}");

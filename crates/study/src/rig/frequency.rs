@@ -117,11 +117,11 @@ pub struct LineModes {
 /// Natural frequencies of a rig over its docking workspace.
 ///
 /// # Errors
-/// [`RigError::Singular`].
+/// [`RigError::Singular`], [`RigError::NoOil`].
 pub fn frequency(rig: &Rig, build: &Build) -> Result<Frequency, RigError> {
     let subject = Subject::new(rig, build);
     let maps = Maps::new(&subject.rig);
-    let spring = subject.oil_spring_n_m();
+    let spring = subject.oil_spring_n_m().ok_or_else(|| subject.no_oil())?;
     let modes = |place: Place| {
         let m = maps.modes(&maps.at(place), spring, &FREE).ok_or(RigError::Singular)?;
         Ok(PlaceModes { place, held_hz: m.held_hz, mode_hz: m.frequency_hz })
@@ -138,11 +138,13 @@ pub fn frequency(rig: &Rig, build: &Build) -> Result<Frequency, RigError> {
     }
     let presets = HydraulicPreset::WORDS.iter().map(|(_, preset)| {
         let other = subject.with(*preset);
-        let map = map_of(other.oil_spring_n_m())?;
+        let (of_oil, lumped_hz) =
+            other.oil_spring_n_m().zip(other.lumped_hz()).ok_or_else(|| other.no_oil())?;
+        let map = map_of(of_oil)?;
         let ends = |spans: [maps::Span; 6]| spans.map(|s| [s.least.0, s.greatest.0]);
         Ok(PresetFrequencies {
             preset: *preset,
-            lumped_hz: other.lumped_hz(),
+            lumped_hz,
             held_hz: ends(map.held_hz),
             mode_hz: ends(map.mode_hz),
         })

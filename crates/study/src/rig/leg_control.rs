@@ -150,6 +150,11 @@ impl LegControl {
         Ok(())
     }
 
+    /// Whether something is changed that legs with loops of their own do not have.
+    pub(crate) fn needs_oil(&self) -> bool {
+        self.0.keys().any(|setting| *setting != LegSetting::DeadTime)
+    }
+
     /// The value that a setting is changed to.
     #[must_use]
     pub fn get(&self, setting: LegSetting) -> Option<f64> {
@@ -159,17 +164,21 @@ impl LegControl {
     /// Changes a rig that is ready to run.
     pub(crate) fn apply(&self, setup: &mut RigSetup) {
         for (setting, value) in &self.0 {
-            let t = &mut setup.tuning;
+            if *setting == LegSetting::DeadTime {
+                setup.dead_time_s = *value;
+            }
+            let Some(oil) = setup.hydraulic_mut() else { continue };
+            let t = &mut oil.tuning;
             match setting {
                 LegSetting::PositionGain => t.position_gain_1_s = *value,
                 LegSetting::DampingRatio => {
                     t.pressure_gain_m_s_n =
-                        LegTuning::pressure_gain(&setup.believed_legs[0], REFERRED_MASS_KG, *value);
+                        LegTuning::pressure_gain(&oil.believed_legs[0], REFERRED_MASS_KG, *value);
                 }
                 LegSetting::HighPass => t.high_pass_hz = *value,
                 LegSetting::ValveLead => t.valve_lead = (*value > 0.0).then_some([*value, 0.8]),
                 LegSetting::Rate => t.rate_hz = *value,
-                LegSetting::DeadTime => setup.dead_time_s = *value,
+                LegSetting::DeadTime => {}
             }
         }
     }

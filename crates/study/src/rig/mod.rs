@@ -26,7 +26,7 @@ use core::fmt;
 
 use docktwin_control::{response::ResponseError, rig::RigSetup};
 use docktwin_model::{DockingWorkspace, HydraulicPreset, Place, Rig};
-use docktwin_physics::{hydraulics::LegParameters, rig::PerturbedRig};
+use docktwin_physics::rig::{BuiltLegs, PerturbedRig};
 use serde::{Deserialize, Serialize};
 
 pub use self::{
@@ -155,9 +155,9 @@ pub struct Subject {
     pub file: Rig,
     /// As built: the file, or drawn within its spread.
     pub rig: Rig,
-    /// Oil, valve and friction of the legs as built.
-    pub legs: [LegParameters; 6],
-    /// Volume of the oil.
+    /// What moves the legs as built.
+    pub legs: BuiltLegs,
+    /// Volume of the oil, if oil moves the legs.
     pub preset: HydraulicPreset,
     /// Seed of the draw.
     pub seed: Option<u64>,
@@ -167,7 +167,7 @@ impl Subject {
     /// Builds the rig.
     #[must_use]
     pub fn new(file: &Rig, build: &Build) -> Self {
-        let preset = build.preset.unwrap_or(file.hydraulics.default_preset);
+        let preset = file.preset(build.preset);
         let PerturbedRig { rig, legs } = PerturbedRig::of(file, preset, build.seed);
         Self { file: file.clone(), rig, legs, preset, seed: build.seed }
     }
@@ -186,16 +186,22 @@ impl Subject {
         setup
     }
 
-    /// Stiffness of the oil of one leg, (10), N/m: the mean of the six.
+    /// Stiffness of the oil of one leg, (10), N/m: the mean of the six; `None` where no oil moves them.
     #[must_use]
-    pub fn oil_spring_n_m(&self) -> f64 {
-        self.legs.iter().map(|l| l.oil.oil_spring_n_m()).sum::<f64>() / 6.0
+    pub fn oil_spring_n_m(&self) -> Option<f64> {
+        let legs = self.legs.hydraulic()?;
+        Some(legs.iter().map(|l| l.oil.oil_spring_n_m()).sum::<f64>() / 6.0)
     }
 
     /// Natural frequency of the plate's mass on the oil spring of one leg, Hz.
     #[must_use]
-    pub fn lumped_hz(&self) -> f64 {
-        (self.oil_spring_n_m() / self.rig.plate.mass_kg).sqrt() / core::f64::consts::TAU
+    pub fn lumped_hz(&self) -> Option<f64> {
+        Some((self.oil_spring_n_m()? / self.rig.plate.mass_kg).sqrt() / core::f64::consts::TAU)
+    }
+
+    /// What an analysis of oil cannot do with this rig.
+    pub(crate) fn no_oil(&self) -> RigError {
+        RigError::NoOil { rig: self.rig.name.clone() }
     }
 
     /// What a result says of the rig.
@@ -203,7 +209,7 @@ impl Subject {
     pub fn summary(&self) -> SubjectSummary {
         SubjectSummary {
             rig: self.rig.name.clone(),
-            preset: self.preset,
+            preset: self.rig.oil(self.preset),
             seed: self.seed,
             oil_spring_n_m: self.oil_spring_n_m(),
             plate_mass_kg: self.rig.plate.mass_kg,
@@ -217,16 +223,16 @@ impl Subject {
 pub struct SubjectSummary {
     /// Robot name of the URDF.
     pub rig: String,
-    /// Volume of the oil.
-    pub preset: HydraulicPreset,
+    /// Volume of the oil; `None` where no oil moves the legs.
+    pub preset: Option<HydraulicPreset>,
     /// Seed of the draw; `None` for the rig exactly as its file says.
     pub seed: Option<u64>,
-    /// Stiffness of the oil of one leg, (10), N/m, above 0: the mean of the six.
-    pub oil_spring_n_m: f64,
+    /// Stiffness of the oil of one leg, (10), N/m, above 0: the mean of the six; `None` without oil.
+    pub oil_spring_n_m: Option<f64>,
     /// Mass of the plate and all it carries, kg, above 0.
     pub plate_mass_kg: f64,
     /// Natural frequency of that mass on the oil spring of one leg, Hz.
-    pub lumped_hz: f64,
+    pub lumped_hz: Option<f64>,
 }
 
 /// An option outside of what is allowed.
@@ -248,6 +254,14 @@ pub enum RigError {
     /// when it is loaded, so only a drawn rig or one made in memory comes here.
     #[error("a pose of the docking workspace is singular")]
     Singular,
+    /// No oil moves the legs, and the analysis is about oil, or about controllers that such legs do not have.
+    #[error(
+        "no oil moves the legs of {rig}: they follow their commanded lengths by loops of their own"
+    )]
+    NoOil {
+        /// Name of the rig.
+        rig: String,
+    },
     /// The running rig could not be measured.
     #[error("{dof} at {place} against {payload} cannot be measured: {source}")]
     Response {
@@ -274,6 +288,9 @@ impl RigError {
     pub const fn remedy(&self) -> &'static str {
         match self {
             Self::Singular => "make the docking workspace smaller or the platform larger",
+            Self::NoOil { .. } => {
+                "take `analyze bode` without --preset and --set, which measures their response, or a hydraulic rig"
+            }
             Self::Response { source: ResponseError::Rig(_), .. } => {
                 "the loop is unstable there: lower the gains of the leg control, or the amplitude"
             }
@@ -313,8 +330,9 @@ pub(crate) mod tests {
         let as_file = Subject::new(&file, &Build::default());
         assert_eq!(as_file.rig, file);
         // Table 1 with 2500 kg on one leg: 16.7 Hz (spec of (10): 2.76e7 N/m).
-        assert!((as_file.oil_spring_n_m() / 2.76e7 - 1.0).abs() < 1e-12);
-        assert!((as_file.lumped_hz() - 16.72).abs() < 5e-3, "{}", as_file.lumped_hz());
+        let (spring, hz) = as_file.oil_spring_n_m().zip(as_file.lumped_hz()).expect("on oil");
+        assert!((spring / 2.76e7 - 1.0).abs() < 1e-12);
+        assert!((hz - 16.72).abs() < 5e-3, "{hz}");
         let drawn = |seed| Subject::new(&file, &Build { seed: Some(seed), ..Build::default() });
         assert_eq!(drawn(3), drawn(3));
         assert_ne!(drawn(3).summary(), drawn(4).summary());

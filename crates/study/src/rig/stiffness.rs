@@ -1,8 +1,8 @@
 //! How the closed-loop poles move with the stiffness of the payload, (11).
 
 use docktwin_control::{
-    linear::{self, LinearRig},
-    response::{Bench, Point},
+    linear,
+    response::{Bench, LinearModel, Point},
 };
 use docktwin_core::DVec3;
 use docktwin_model::{HydraulicPreset, Place, Rig};
@@ -159,7 +159,7 @@ impl<'a> ClosedLoop<'a> {
         Self { subject, bench }
     }
 
-    fn at(&self, place: Place, payload_n_m: DVec3) -> Option<(Bench, LinearRig)> {
+    fn at(&self, place: Place, payload_n_m: DVec3) -> Option<(Bench, LinearModel)> {
         let bench = Bench {
             x_34: self.subject.file.docking.pose(place.0),
             payload_n_m,
@@ -220,7 +220,7 @@ impl<'a> ClosedLoop<'a> {
 fn of(subject: &Subject, changes: &LegControl) -> Option<(PresetStiffness, Vec<StiffnessSeries>)> {
     let l = ClosedLoop::new(subject, changes);
     let mut file = subject.file.clone();
-    file.hydraulics.bulk_modulus_pa *= MORE_BULK_MODULUS;
+    file.drive.hydraulic_mut()?.hydraulics.bulk_modulus_pa *= MORE_BULK_MODULUS;
     let build = Build { preset: Some(subject.preset), seed: subject.seed };
     let stiffer = Subject::new(&file, &build);
     let stiffer = ClosedLoop::new(&stiffer, changes);
@@ -249,10 +249,11 @@ fn of(subject: &Subject, changes: &LegControl) -> Option<(PresetStiffness, Vec<S
     let series = series.collect::<Option<Vec<_>>>()?;
     let dampings = || payloads.iter().flat_map(|p| p.least_modal_damping).map(|d| d.value);
     let poles = || series.iter().flat_map(|c| &c.steps).flat_map(|s| &s.poles);
+    let oil_spring_n_m = subject.oil_spring_n_m()?;
     let figures = PresetStiffness {
         preset: subject.preset,
-        oil_spring_n_m: subject.oil_spring_n_m(),
-        stiffness_ratio: PAYLOAD_N_M / subject.oil_spring_n_m(),
+        oil_spring_n_m,
+        stiffness_ratio: PAYLOAD_N_M / oil_spring_n_m,
         stable: dampings().all(|d| d > 0.0) && poles().all(|p| p.real_rad_s < 0.0),
         least_modal_damping: dampings().fold(1.0, f64::min),
         payloads,
@@ -264,13 +265,16 @@ fn of(subject: &Subject, changes: &LegControl) -> Option<(PresetStiffness, Vec<S
 /// from 0 to [`PAYLOAD_N_M`], along X and along Y.
 ///
 /// # Errors
-/// [`RigError::Singular`].
+/// [`RigError::Singular`], [`RigError::NoOil`].
 pub fn stiffness(
     rig: &Rig,
     options: &StiffnessOptions,
     progress: &mut (dyn Progress + Send),
 ) -> Result<Stiffness, RigError> {
     let subject = Subject::new(rig, &options.build);
+    if subject.legs.hydraulic().is_none() {
+        return Err(subject.no_oil());
+    }
     let presets: Vec<HydraulicPreset> = match options.build.preset {
         Some(preset) => vec![preset],
         None => HydraulicPreset::WORDS.iter().map(|(_, preset)| *preset).collect(),
