@@ -175,7 +175,7 @@ pub(crate) struct IdentifyArgs {
     /// Free way along X about the place, mm; a shorter one tells less of the flow gain
     #[arg(long, value_name = "MM", default_value_t = 200.0, value_parser = room_mm)]
     room_mm: f64,
-    /// Write the response also as the table [drive] of a rig's file whose drive is `measured`
+    /// Write the response also as the table `[drive]` of a rig's file whose drive is `measured`
     #[arg(long, value_name = "FILE")]
     drive: Option<PathBuf>,
 }

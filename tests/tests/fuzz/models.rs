@@ -48,7 +48,7 @@ pub(crate) fn judge_model(world: &World, d: &Damaged) -> String {
     let sources = world.with(&d.name, &d.text);
     let stem = stem(&d.name);
     let urdf = place(&format!("models/urdf/{stem}.urdf"));
-    if stem.starts_with("stewart") {
+    if ["stewart", "electric_hexapod"].iter().any(|rig| stem.starts_with(rig)) {
         let rig = match load_rig_from(&sources, &urdf) {
             Ok(rig) => rig.model,
             Err(e) => return refused(&e.problems),
