@@ -355,6 +355,16 @@ fn rig_loop(run: &Run) -> Markup {
                         _ => c,
                     }))
                 }
+                @if let Some((c, trust)) = s.compensator.as_ref().and_then(|c| Some((c, c.trust_mean?))) {
+                    (row("correction of the wrenches", format!(
+                        "{} N RMS at port 4, {} of it applied on average, {} at least; residual {} N RMS{}",
+                        c.correction_rms_n.map_or("–".to_owned(), words::three),
+                        part(Some(trust)),
+                        part(c.trust_min),
+                        c.residual_rms_n.map_or("–".to_owned(), words::three),
+                        c.fell_back_s.map_or(String::new(), |t| format!("; given up at {} s", words::three(t))),
+                    )))
+                }
                 @if timed {
                     (row("wake-ups late by", format!(
                         "{} median, {} in 99 %, {} latest",
