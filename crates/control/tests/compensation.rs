@@ -459,6 +459,31 @@ fn oracle_what_none_and_a_lead_command() {
     assert_eq!(Lead::new(tau).wrench(&seen), None);
 }
 
+/// The spring of the stage touches 20 mm before the twins' mechanism would: they give up, say so, and command what a
+/// lead does; their correction fades.
+#[test]
+fn invariant_twins_that_are_far_off_give_up_and_lead() {
+    let lead_s = 3e-3;
+    let mut twin = Twin::new(&docking().believed(), lead_s, Residual::Felt);
+    let mut stage = Stage::new(3, None);
+    let mut gave_up = None;
+    for tick in 0..TICKS {
+        let (correction, demand) = stage.tick(&mut twin, &Inputs::default());
+        let report = twin.report().expect("a model");
+        if report.fallen_back {
+            let since = tick - *gave_up.get_or_insert(tick);
+            let seen = stage.seen(&Inputs::default()).tick;
+            assert_eq!(seen, tick + 1);
+            assert_eq!(demand, Demand::of(stage.motion.led(lead_s)), "tick {tick}");
+            let added = correction.expect("a correction").port4.f.length();
+            assert!(since < 200 || added < 1.0, "{added} N after {since} ticks");
+        }
+    }
+    let tick = gave_up.expect("it gives up");
+    // It touches first about 150 ms after closing, and is known to be wrong 0.1 s later.
+    assert!((200..400).contains(&tick), "in tick {tick}");
+}
+
 /// The suite sees what it is to see.
 mod negative_controls {
     use super::*;

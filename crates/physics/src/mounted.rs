@@ -202,6 +202,7 @@ impl Mounted {
         };
         out.reset();
         out.rest = Some((out.state.clone(), out.ring, out.hanger));
+        out.reset();
         out
     }
 
@@ -280,6 +281,7 @@ impl Mounted {
 
     /// Opens the latches and puts the ring to rest, where weight and springs hold each other.
     pub fn reset(&mut self) {
+        self.latch_gaps_m = [0.0; MOST_LATCHES];
         if let Some((state, ring, hanger)) = &self.rest {
             (self.state, self.ring, self.hanger) = (state.clone(), *ring, *hanger);
             self.steps = 0;

@@ -351,6 +351,9 @@ fn rig_loop(run: &Run) -> Markup {
                 @if let Some(c) = meta("compensator") {
                     (row("against the delay", match meta("lead_s").and_then(|s| s.parse::<f64>().ok()) {
                         Some(lead_s) if c == "lead" => format!("a lead of {} ms", words::three(lead_s * 1e3)),
+                        Some(lead_s) if c == "twin" => {
+                            format!("two twins and a lead of {} ms", words::three(lead_s * 1e3))
+                        }
                         Some(lead_s) if lead_s > 0.0 => format!("{c}, {} ms", words::three(lead_s * 1e3)),
                         _ => c,
                     }))

@@ -79,6 +79,7 @@ pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
         out.extend(six(w.f, w.m).map(Cell::from));
     }
     out.push(Cell::from(report.trust));
+    out.push(Cell::from(report.trust_fast));
 }
 
 /// What has happened so far in a run against a rig, kept from tick to tick.

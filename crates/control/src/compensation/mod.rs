@@ -68,13 +68,15 @@ pub struct Report {
     pub residual: Ports,
     /// Share of the model's correction that is applied, 0 to 1.
     pub trust: f64,
+    /// Share of that which is left of its fast part, 0 to 1.
+    pub trust_fast: f64,
     /// The model was too far off and is not used any more.
     pub fallen_back: bool,
 }
 
 impl Default for Report {
     fn default() -> Self {
-        Self { residual: Ports::default(), trust: 1.0, fallen_back: false }
+        Self { residual: Ports::default(), trust: 1.0, trust_fast: 1.0, fallen_back: false }
     }
 }
 

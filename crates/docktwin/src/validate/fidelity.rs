@@ -37,6 +37,9 @@ compared with the simulated system that has the drawn mechanism: outcomes, and t
 every figure. Draws whose simulated outcome a shift of the initial position by 50 um turns are named
 and left out. That makes five rehearsals and a run on the rig a draw, on all cores.
 
+--compensator twin is to be seen beside twin-model-only, which leaves out what was measured:
+where the rig's mechanism is not the believed one, that must be clearly worse.
+
 The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv and a
 plot of every scenario, with --draws fidelity-draws.csv (one row a draw) and
 fidelity-distribution.csv.
@@ -45,6 +48,7 @@ Examples:
   docktwin validate fidelity scenarios/apas_nominal.toml scenarios/apas_fast.toml
   docktwin validate fidelity scenarios/apas_fast.toml --budget
   docktwin validate fidelity scenarios/apas_fast.toml --without legs --without rack
+  docktwin validate fidelity scenarios/apas_fast.toml --compensator twin --mechanism-draw 3
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
   docktwin validate fidelity scenarios/apas_fast.toml --draws 100 --mechanism-grade coarse
   docktwin validate fidelity scenarios/apas_fast.toml \\

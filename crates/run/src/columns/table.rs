@@ -532,4 +532,10 @@ const COMPENSATOR: &[Signal] = &[
         NONE,
         "Share of the model's correction that is applied, 0 to 1; 1 without a model.",
     ),
+    scalar(
+        "/compensator",
+        "compensator_trust_fast",
+        NONE,
+        "Share of that which is left of its part above 8 Hz, 0 to 1; 1 without a model.",
+    ),
 ];

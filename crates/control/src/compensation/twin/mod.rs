@@ -10,11 +10,12 @@
 //! most of what the model has wrong, drops out of the difference. What the model does not know at all stays in
 //! the residual, measured − ground, which is not touched.
 //!
-//! The *share* ([`trust`]) is near 1 as long as the residual is within what a model of this kind may be wrong by.
-//! Beyond a bound the method falls back: it goes on as a lead.
+//! The *share* ([`trust`]) is near 1 as long as the residual is within what a model of this kind may be wrong by; of
+//! the fast part of the difference a share of its own is left ([`bands`]). Beyond a bound the method falls back: it goes on as a lead.
 //!
 //! The twins are made of what is believed ([`Believed`]), never of the true parameters of a rig.
 
+mod bands;
 mod ground;
 mod latches;
 mod orbit;
@@ -25,7 +26,9 @@ use docktwin_core::{StateHasher, Twist, Wrench};
 use docktwin_model::{Rig, SixAxisSensor};
 use docktwin_physics::{mechanism::System, mounted::Ports, programme::RelativeMotion};
 
-use self::{ground::Ground, latches::Latches, orbit::Orbit, plate::Plate, trust::Trust};
+use self::{
+    bands::Bands, ground::Ground, latches::Latches, orbit::Orbit, plate::Plate, trust::Trust,
+};
 use super::{
     Compensator, Demand, ExpectedContact, LATCHES, Lead, LoopContext, Phase, Report, Target,
 };
@@ -72,6 +75,7 @@ pub struct Twin {
     /// Whether a balance carries the ring.
     carried: bool,
     trust: Trust,
+    bands: Bands,
     tick: Option<u64>,
     report: Report,
     /// F4, M4 on the article at `t_k` as expected, and its rate.
@@ -91,6 +95,7 @@ impl Twin {
             latches: Latches::default(),
             carried: believed.rig.uncarried().abs() <= MOST_UNCARRIED,
             trust: Trust::default(),
+            bands: Bands::default(),
             tick: None,
             report: Report::default(),
             contact: ExpectedContact::default(),
@@ -128,6 +133,11 @@ fn less(a: &Ports, b: &Ports) -> Ports {
     Ports { port3: a.port3 + -b.port3, port4: a.port4 + -b.port4 }
 }
 
+/// `a + b` at both ports.
+fn plus(a: &Ports, b: &Ports) -> Ports {
+    Ports { port3: a.port3 + b.port3, port4: a.port4 + b.port4 }
+}
+
 fn share_of(share: f64, x: &Ports) -> Ports {
     let part = |w: &Wrench| Wrench { f: w.f * share, m: w.m * share };
     Ports { port3: part(&x.port3), port4: part(&x.port4) }
@@ -146,6 +156,7 @@ impl Compensator for Twin {
         self.orbit.reset();
         self.latches = Latches::default();
         self.trust = Trust::default();
+        self.bands = Bands::default();
         self.tick = None;
         self.report = Report::default();
         self.contact = ExpectedContact::default();
@@ -165,14 +176,17 @@ impl Compensator for Twin {
                 let difference = less(orbit, ground);
                 if seen.phase == Phase::Closed && seen.measured.fresh {
                     self.trust.see(&seen.ports.port4, &ground.port4, seen.period_s);
+                    self.bands.see(&seen.ports.port4, &ground.port4, seen.period_s);
                 }
                 if !(difference.port3.is_finite() && difference.port4.is_finite()) {
                     self.trust.give_up();
                     return None;
                 }
+                let weighed = self.bands.weigh(&difference, seen.period_s);
                 self.report.trust = self.trust.share();
+                self.report.trust_fast = self.bands.fast_share();
                 self.report.fallen_back = self.trust.gave_up();
-                Some(share_of(self.trust.share(), &difference))
+                Some(share_of(self.trust.share(), &weighed))
             }
         }
     }
@@ -196,6 +210,7 @@ impl Compensator for Twin {
         self.orbit.hash_into(&mut h);
         self.latches.hash_into(&mut h);
         self.trust.hash_into(&mut h);
+        self.bands.hash_into(&mut h);
         Some(h.finish().short())
     }
 

@@ -35,11 +35,10 @@ impl Orbit {
         let mut rig = believed.rig.clone();
         rig.gravity_m_s2 = DVec3::ZERO;
         rig.offload = None;
-        Self {
-            mounted: Mounted::new(believed.system.clone(), &rig, step_s()),
-            plate: None,
-            ports: Ports::default(),
-        }
+        let mounted = Mounted::new(believed.system.clone(), &rig, step_s());
+        let mut out = Self { mounted, plate: None, ports: Ports::default() };
+        out.reset();
+        out
     }
 
     pub(super) fn reset(&mut self) {

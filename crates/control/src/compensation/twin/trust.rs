@@ -41,7 +41,7 @@ pub(super) struct Trust {
 }
 
 /// Size of a wrench, N.
-fn size_n(w: &Wrench) -> f64 {
+pub(super) fn size_n(w: &Wrench) -> f64 {
     w.f.length().hypot(w.m.length() / ARM_M)
 }
 
