@@ -118,6 +118,14 @@ fn fidelity_words(f: &Fidelity) -> String {
     out.join("; ")
 }
 
+fn fell_back(t: f64, method: &str, residual_n: f64) -> (String, Value) {
+    let text = format!(
+        "t = {t:.3} s `{method}` gives its model up, {residual_n:.0} N off what is measured, and goes on as a \
+         lead"
+    );
+    (text, json!({ "compensator": method, "residual_n": residual_n }))
+}
+
 impl RunEvent {
     /// The stable word for it in `events.jsonl`.
     #[must_use]
@@ -223,13 +231,7 @@ impl RunEvent {
                 format!("t = {t:.3} s {missed} ticks left out: woken {lateness_ms:.3} ms late"),
                 json!({ "missed": missed, "lateness_ms": lateness_ms }),
             ),
-            Self::FellBack { method, residual_n } => (
-                format!(
-                    "t = {t:.3} s `{method}` gives its model up, {residual_n:.0} N off what is measured, and goes \
-                     on as a lead"
-                ),
-                json!({ "compensator": method, "residual_n": residual_n }),
-            ),
+            Self::FellBack { method, residual_n } => fell_back(t, method, *residual_n),
             Self::Fidelity(f) => (
                 format!("against the simulated system: {}", fidelity_words(f)),
                 // Plain numbers and nulls: it always serialises.

@@ -134,7 +134,6 @@ impl Ground {
     ) {
         let measured = seen.measured;
         let before = self.plate.unwrap_or(Plate { x_bp: measured.x_bp, twist: *bodies });
-        #[expect(clippy::cast_possible_truncation, reason = "at most 8")]
         let ticks = ticks.min(MOST_TICKS) as u32;
         let x_bp = if measured.fresh {
             measured.x_bp
@@ -156,7 +155,7 @@ impl Ground {
     }
 
     /// What the loop would have measured at the last measurement, if all were as believed.
-    pub(super) const fn ports(&self) -> &Ports {
+    pub(super) const fn expected(&self) -> &Ports {
         &self.read
     }
 

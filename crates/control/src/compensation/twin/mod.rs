@@ -119,7 +119,7 @@ impl Twin {
             self.orbit.draw_joint_to(self.ground.mounted());
         }
         // What the article bears now, free of the sensor's lag; its rate by the orbit twin, which has no noise.
-        let residual = seen.ports.port4 + -self.ground.ports().port4;
+        let residual = seen.ports.port4 + -self.ground.expected().port4;
         let rate = self.orbit.ports().port4 + -before;
         self.contact = ExpectedContact {
             port4: self.ground.on_article() + residual,
@@ -168,7 +168,7 @@ impl Compensator for Twin {
             return None;
         }
         self.advance(seen);
-        let (orbit, ground) = (self.orbit.ports(), self.ground.ports());
+        let (orbit, ground) = (self.orbit.ports(), self.ground.expected());
         self.report.residual = less(seen.ports, ground);
         match self.residual {
             Residual::LeftOut => Some(less(orbit, seen.ports)),
