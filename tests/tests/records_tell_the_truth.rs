@@ -14,7 +14,7 @@ use docktwin_run::{
     HilOptions, HilRun, Rehearsal, RehearsalOptions, Replay, Replayed, RigMechanism, RunDirectory,
     RunError, TwinKind,
 };
-use docktwin_scenario::Loader;
+use docktwin_scenario::{CompensatorChoice, Loader};
 use mcap_rewrite::{Rewrite, rewrite, scale};
 
 fn root() -> PathBuf {
@@ -190,6 +190,27 @@ fn oracle_a_run_against_an_emulated_rig_is_identical_with_its_figures() {
     let found = replay(&dir).expect("replayable");
     assert!(found.identical() && found.cut.is_none(), "{found:?}");
     assert!(found.figures > 15 && found.signals > 150, "{found:?}");
+}
+
+/// The twins of the loop are in its digest, and come out the same; what they gave is in the record.
+#[test]
+fn oracle_a_run_with_twins_replays_by_its_record() {
+    let at = tempfile::tempdir().expect("a folder");
+    let dir = at.path().join("run");
+    let loader = Loader::new().set("run.duration_s", 0.6).set("initial.gap_m", 0.01);
+    let scenario = loader.load(&root().join("scenarios/apas_fast.toml")).expect("a scenario");
+    let options =
+        HilOptions { compensator: Some(CompensatorChoice::Twin), ..HilOptions::default() };
+    let run = HilRun::new(&scenario, options).expect("a rig");
+    let rig = run.emulated().expect("a rig");
+    let summary = run.run(rig, &mut RunDirectory::new(&dir)).expect("room");
+    assert_eq!(summary.compensator.expect("named").name, "twin");
+    let mut log = RunReader::open(&dir).expect("a recording");
+    let column = log.column_index("correction_4_force_x_n").expect("a column");
+    let given = log.ticks().map(|t| t.expect("a tick").row[column].as_f64().abs());
+    assert!(given.fold(0.0, f64::max) > 10.0, "no correction in the record");
+    let found = replay(&dir).expect("replayable");
+    assert!(found.identical() && found.cut.is_none(), "{found:?}");
 }
 
 /// A drawn mechanism, and another one: the record holds what it takes to be run again, and what was drawn.

@@ -5,17 +5,19 @@ use std::{
     cell::Cell,
     hint::black_box,
     path::Path,
+    sync::OnceLock,
 };
 
 use docktwin_control::{
     compensation::{
-        Compensation, Compensator, Demand, Lead, LoopContext, Measured, Method, Phase,
-        Uncompensated,
+        Believed, Compensation, Compensator, Demand, Lead, LoopContext, Measured, Method, Phase,
+        Residual, Twin, Uncompensated,
     },
     feedforward::{PathTimes, PlateMotion},
+    sensing::SensorScheme,
 };
 use docktwin_core::{DQuat, DVec3, Pose, Twist, Wrench};
-use docktwin_model::{load_mechanism, load_rig, load_spacecraft};
+use docktwin_model::{Attenuator, Rig, load_mechanism, load_rig, load_spacecraft};
 use docktwin_physics::{
     initial::{ContactConditions, initial_state},
     mechanism::System,
@@ -90,15 +92,62 @@ fn model(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/urdf").join(name)
 }
 
+/// A rig and what stands on it, as files say.
+struct Files {
+    rig: Rig,
+    system: System,
+}
+
+/// The default rig with a mechanism between two spacecraft; `rigid` without a moving ring.
+fn files(mechanism: &str, bodies: [&str; 2], rigid: bool) -> Files {
+    let rig = load_rig(&model("stewart.urdf")).expect("the default rig").model;
+    let [active, passive] = ["active", "passive"].map(|side| format!("{mechanism}_{side}.urdf"));
+    let mechanism = load_mechanism(&model(&active), &model(&passive), None);
+    let mut mechanism = mechanism.expect("the mechanism").model;
+    if rigid {
+        mechanism.attenuator = Attenuator::Rigid;
+    }
+    let [chaser, target] = bodies.map(|f| load_spacecraft(&model(f)).expect("a spacecraft").model);
+    Files { system: System::new(&chaser, &target, mechanism), rig }
+}
+
+const BODIES: [&str; 2] = ["chaser_8t.urdf", "target_12t.urdf"];
+
+/// The mechanism of the stage.
+fn docking() -> &'static Files {
+    static FILES: OnceLock<Files> = OnceLock::new();
+    FILES.get_or_init(|| files("apas", BODIES, false))
+}
+
+/// The same without a moving ring, whose inertia in orbit no rig shows.
+fn without_ring() -> &'static Files {
+    static FILES: OnceLock<Files> = OnceLock::new();
+    FILES.get_or_init(|| files("apas", BODIES, true))
+}
+
+impl Files {
+    fn believed(&self) -> Believed<'_> {
+        Believed {
+            rig: &self.rig,
+            system: &self.system,
+            scheme: SensorScheme::Single,
+            sensors: self.rig.sensors.map(|s| [s.force; 2]),
+        }
+    }
+}
+
+/// How far the mechanisms are apart at first, m; and so far that those of a model never touch on this stage.
+const GAP_M: f64 = 0.05;
+const FAR_M: f64 = 0.2;
+
 impl Stage {
     fn new(delay: usize, without_every: Option<u64>) -> Self {
-        let rig = load_rig(&model("stewart.urdf")).expect("the default rig").model;
-        let platform = Platform::new(&rig);
-        let load = |f| load_spacecraft(&model(f)).expect("a spacecraft").model;
-        let mechanism =
-            load_mechanism(&model("apas_active.urdf"), &model("apas_passive.urdf"), None);
-        let mechanism = mechanism.expect("the mechanism").model;
-        let system = System::new(&load("chaser_8t.urdf"), &load("target_12t.urdf"), mechanism);
+        Self::with_gap(delay, without_every, GAP_M)
+    }
+
+    fn with_gap(delay: usize, without_every: Option<u64>, gap_m: f64) -> Self {
+        let Files { rig, system } = docking();
+        let platform = Platform::new(rig);
         let conditions = ContactConditions {
             attitude: docktwin_core::Euler { roll: 0.02, pitch: 0.01, yaw: -0.01 },
             lateral_m: DVec3::new(0.0, 0.02, -0.01),
@@ -107,7 +156,7 @@ impl Stage {
             ..ContactConditions::default()
         };
         let bodies =
-            Programme::new(&system, &initial_state(&system, &conditions, 0.05).bodies, TICK_S);
+            Programme::new(system, &initial_state(system, &conditions, gap_m).bodies, TICK_S);
         let motion = bodies.free(0.0);
         let plate = Self::plate(&platform, &motion);
         Self {
@@ -251,29 +300,43 @@ fn conforms<C: Compensator>(
     delayed: impl Fn() -> C,
     delay_ticks: usize,
 ) {
-    // Finite in every phase, in contact, and with a measurement missing now and then.
+    behaves(delayed, delay_ticks);
+    is_identity(undelayed());
+}
+
+/// Finite in every phase, in contact, and with a measurement missing now and then; no memory asked for, from the
+/// reset on; repeatable bit by bit.
+fn behaves<C: Compensator>(delayed: impl Fn() -> C, delay_ticks: usize) {
     run(&mut delayed(), delay_ticks, None);
     let first = run(&mut delayed(), delay_ticks, Some(7));
-    // No memory is asked for, from the reset on.
     let mut method = delayed();
     let mut stage = Stage::new(delay_ticks, Some(7));
     let asked = requests(|| {
         method.reset();
         for tick in 0..TICKS {
             black_box(stage.tick(&mut method, &control(tick)));
-            black_box(method.digest());
+            black_box((method.digest(), method.report()));
         }
     });
     assert_eq!(asked, 0, "{} asks for memory", method.name());
-    // Repeatable bit by bit; and a reset leaves nothing of an earlier run.
+    // And a reset leaves nothing of an earlier run.
     let again = run(&mut delayed(), delay_ticks, Some(7));
     assert!(first == again, "{} does not repeat", method.name());
     method.reset();
     let after = run(&mut method, delay_ticks, Some(7));
     assert!(first == after, "something of the run before is left");
-    // The identity where there is no delay: the motion wanted is commanded, and no wrench is added.
-    let mut method = undelayed();
-    let mut stage = Stage::new(0, None);
+    let name = delayed().name();
+    let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    assert!(
+        !name.is_empty() && name.chars().all(plain),
+        "{name}: lower-case letters, digits and -"
+    );
+}
+
+/// The identity where there is no delay, and nothing that a rig adds: the motion wanted is commanded, and no
+/// wrench is added.
+fn is_identity(mut method: impl Compensator) {
+    let mut stage = Stage::with_gap(0, None, FAR_M);
     for tick in 0..TICKS {
         let (correction, demand) = stage.tick(&mut method, &control(tick));
         let off = apart(&demand.pose.motion, &stage.motion);
@@ -281,12 +344,6 @@ fn conforms<C: Compensator>(
         let added = correction.unwrap_or_default();
         assert!(added.port3.f.length() < 1e-6 && added.port4.f.length() < 1e-6, "{added:?}");
     }
-    let name = delayed().name();
-    let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    assert!(
-        !name.is_empty() && name.chars().all(plain),
-        "{name}: lower-case letters, digits and -"
-    );
 }
 
 #[test]
@@ -302,11 +359,78 @@ fn invariant_a_lead_conforms() {
 /// What the command line chooses from, by its own dispatch.
 #[test]
 fn invariant_every_choice_of_the_command_line_conforms() {
-    for of in [|_: f64| Compensation::None, Compensation::Lead] {
-        let made = |delay_s: f64| move || -> Method { of(delay_s).method() };
-        conforms(made(0.0), made(3e-3), 3);
-        assert_eq!(of(0.01).name(), of(0.01).method().name());
+    let twin = |lead_s| Compensation::Twin { lead_s, residual: Residual::Felt };
+    for of in [|_: f64| Compensation::None, Compensation::Lead, twin] {
+        let made = |delay_s: f64, files: &'static Files| {
+            move || -> Method { of(delay_s).method(&files.believed()) }
+        };
+        conforms(made(0.0, without_ring()), made(3e-3, docking()), 3);
+        assert_eq!(of(0.01).name(), of(0.01).method(&docking().believed()).name());
     }
+    // The control of validations leaves out what was measured, so it is no identity.
+    let control = Compensation::Twin { lead_s: 3e-3, residual: Residual::LeftOut };
+    behaves(|| control.method(&docking().believed()), 3);
+    assert_eq!(control.name(), control.method(&docking().believed()).name());
+}
+
+/// The stick on both twins: where the plate stands 1 mm off the bodies for long, the bodies are to feel K · 1 mm more
+/// than was measured, whatever that is; of the model alone, the K · 3 mm of where they stand.
+#[test]
+fn oracle_the_twin_adds_what_the_plate_is_off_by() {
+    let body = "test_2026kg.urdf";
+    let files = files("stick", [body, body], false);
+    let stick = files.system.mechanism().stick.expect("a stick");
+    let docked_m = files.system.mechanism().docked_length_m();
+    let at =
+        |depth_m: f64| Pose::from_translation(DVec3::X * (docked_m - stick.play_m() - depth_m));
+    let mut stage = Stage::new(0, None);
+    stage.tick = 50;
+    stage.motion = RelativeMotion { x_34: at(3e-3), ..RelativeMotion::default() };
+    stage.measured.x_34 = at(2e-3);
+    stage.measured.x_bp = files.rig.plate_from_docking(&at(2e-3));
+    stage.measured.fresh = true;
+    let found = |residual, measured_n: f64| {
+        let mut stage_ports = Ports::default();
+        stage_ports.port4.f.x = measured_n;
+        let mut twin = Twin::new(&files.believed(), 0.0, residual);
+        let control = Inputs::default();
+        let mut last = None;
+        for tick in 50..150 {
+            let mut seen = stage.seen(&control);
+            (seen.tick, seen.phase, seen.ports) = (tick, Phase::RunUp, &stage_ports);
+            last = twin.wrench(&seen);
+        }
+        measured_n + last.expect("a correction").port4.f.x
+    };
+    let k = stick.stiffness_n_m;
+    for measured_n in [0.0, 2e-3 * k, 1000.0] {
+        let felt = found(Residual::Felt, measured_n);
+        assert!((felt - measured_n - k * 1e-3).abs() < 1e-6, "{felt}");
+        let model = found(Residual::LeftOut, measured_n);
+        assert!((model - k * 3e-3).abs() < 1e-6, "{model}");
+    }
+}
+
+/// A chaser under thrust takes its ring along: F3 is −m a on the mean, and no rig shows it.
+#[test]
+fn oracle_the_ring_weighs_on_a_chaser_under_thrust() {
+    let Files { system, .. } = docking();
+    let mut stage = Stage::with_gap(0, None, 0.5);
+    stage.touches_at_m = -1.0;
+    let mut twin = Twin::new(&docking().believed(), 0.0, Residual::Felt);
+    let mut control = Inputs::default();
+    control.chaser.f.x = -400.0;
+    let (mut sum, mut n) = (0.0, 0.0);
+    for tick in 0..4060 {
+        let (correction, _) = stage.tick(&mut twin, &control);
+        if tick >= 2060 {
+            sum += correction.expect("a correction").port3.f.x;
+            n += 1.0;
+        }
+    }
+    let mass = system.mass();
+    let expected = mass[1].mass() * 400.0 / mass[0].mass();
+    assert!((sum / n - expected).abs() < 0.02 * expected, "{} N, expected {expected} N", sum / n);
 }
 
 /// A lead is `x + τ v` with all derivatives led alike, and nothing else; none is the motion to the bit.
@@ -333,6 +457,31 @@ fn oracle_what_none_and_a_lead_command() {
     assert!(near(x.acceleration.w, motion.acceleration.w + motion.jerk.w * tau));
     assert_eq!(x.jerk, motion.jerk);
     assert_eq!(Lead::new(tau).wrench(&seen), None);
+}
+
+/// The spring of the stage touches 20 mm before the twins' mechanism would: they give up, say so, and command what a
+/// lead does; their correction fades.
+#[test]
+fn invariant_twins_that_are_far_off_give_up_and_lead() {
+    let lead_s = 3e-3;
+    let mut twin = Twin::new(&docking().believed(), lead_s, Residual::Felt);
+    let mut stage = Stage::new(3, None);
+    let mut gave_up = None;
+    for tick in 0..TICKS {
+        let (correction, demand) = stage.tick(&mut twin, &Inputs::default());
+        let report = twin.report().expect("a model");
+        if report.fallen_back {
+            let since = tick - *gave_up.get_or_insert(tick);
+            let seen = stage.seen(&Inputs::default()).tick;
+            assert_eq!(seen, tick + 1);
+            assert_eq!(demand, Demand::of(stage.motion.led(lead_s)), "tick {tick}");
+            let added = correction.expect("a correction").port4.f.length();
+            assert!(since < 200 || added < 1.0, "{added} N after {since} ticks");
+        }
+    }
+    let tick = gave_up.expect("it gives up");
+    // It touches first about 150 ms after closing, and is known to be wrong 0.1 s later.
+    assert!((200..400).contains(&tick), "in tick {tick}");
 }
 
 /// The suite sees what it is to see.

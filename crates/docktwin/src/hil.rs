@@ -52,6 +52,7 @@ Where it bounds neither force nor energy, a run that is far off is warned of.
 
 Examples:
   docktwin hil scenarios/apas_nominal.toml --rig emulated
+  docktwin hil scenarios/apas_fast.toml --rig emulated --compensator twin
   docktwin hil scenarios/vibro_impact.toml --rig emulated --compensator none
   docktwin hil scenarios/apas_nominal.toml --rig emulated --perturb 7 --lead-ms 1.8 --out runs/p7
   docktwin hil scenarios/apas_fast.toml --rig emulated --mechanism-draw 3 --mechanism-grade coarse

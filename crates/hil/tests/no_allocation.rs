@@ -13,7 +13,10 @@ use common::{
     stick::{Models, axis, emulated, models, settings},
     unique,
 };
-use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
+use docktwin_control::{
+    compensation::{Compensation, Residual},
+    sensing::SensorScheme,
+};
 use docktwin_core::PERIOD_NS;
 use docktwin_hil::{
     clock::{Clock, OverrunPolicy, RealtimeClock, VirtualClock},
@@ -182,10 +185,12 @@ const PHASES: usize = Phase::Stop as usize + 1;
 fn invariant_a_run_on_the_emulated_rig_never_asks_for_memory_after_arming() {
     let m = models();
     let led = Compensation::Lead(0.0018);
+    let twin = Compensation::Twin { lead_s: 0.0018, residual: Residual::Felt };
     for (scheme, compensation, row, axes) in [
         (SensorScheme::Single, Compensation::None, 5, ["x", "y", "roll"].as_slice()),
         (SensorScheme::Single, led, 5, &["z", "pitch", "yaw"]),
         (SensorScheme::Two, led, 2, &["x"]),
+        (SensorScheme::Single, twin, 5, &["x", "y", "roll"]),
     ] {
         let test = test(&m, row, axes);
         let s = VibroSettings { scheme, ..settings(compensation) };

@@ -66,6 +66,20 @@ pub enum LatchPhase {
     Latched = 3,
 }
 
+/// By what a latch catches.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum LatchRule {
+    /// By its own gap and zone.
+    #[default]
+    Own,
+    /// Not at all: that of another mechanism, which it is to be like, has not caught where this one would have.
+    Held,
+    /// At this axial gap, m, once its striker touches it.
+    Within(f64),
+    /// At once.
+    Caught,
+}
+
 /// One latch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LatchState {
@@ -126,6 +140,10 @@ pub struct MechanismState {
     joint: Option<Joint>,
     /// Time of capture as the sensors of a mechanism on the rig report it.
     told_s: Option<f64>,
+    /// By what each latch catches.
+    rules: [LatchRule; MOST_LATCHES],
+    /// Latches whose strikers have been where they would catch by themselves.
+    reached_catch: [bool; MOST_LATCHES],
     /// Energy lost so far.
     pub losses: EnergyLosses,
 }
@@ -153,6 +171,39 @@ impl MechanismState {
         let latches = core::array::from_fn(|i| all[i]);
         let further_latches = core::array::from_fn(|i| all[i + 3]);
         Self { latches, further_latches, told_s: captured_s, ..Self::default() }
+    }
+
+    /// Sets by what each latch catches from now on.
+    pub(crate) const fn rule_latches(&mut self, rules: [LatchRule; MOST_LATCHES]) {
+        self.rules = rules;
+    }
+
+    /// Draws the rest of joined rings by `part` towards that of another state of the mechanism: `k` is the stiffness
+    /// at each striker, N/m. Nothing where either is not joined.
+    pub(crate) fn draw_joint_to(&mut self, other: &Self, part: f64, k: f64) {
+        let (Some(joint), Some(other)) = (&mut self.joint, &other.joint) else { return };
+        let rest = |j: &Joint, i: usize| j.anchor[i] + j.preload[i] / k;
+        for i in 0..3 {
+            joint.anchor[i] += (rest(other, i) - rest(joint, i)) * part;
+        }
+    }
+
+    /// Which latches have, or would have, caught by themselves.
+    #[must_use]
+    pub const fn reached_catch(&self) -> &[bool; MOST_LATCHES] {
+        &self.reached_catch
+    }
+
+    /// How far latch `i` has come that would by itself have come as far as `own`, its striker at `gap`.
+    fn ruled(&mut self, i: usize, own: LatchPhase, gap: &LatchGap) -> LatchPhase {
+        self.reached_catch[i] |= own == LatchPhase::Latched;
+        let catches = match self.rules[i] {
+            LatchRule::Own => return own,
+            LatchRule::Held => false,
+            LatchRule::Within(gap_m) => own >= LatchPhase::Struck && gap.axial_m <= gap_m,
+            LatchRule::Caught => true,
+        };
+        if catches { LatchPhase::Latched } else { own.min(LatchPhase::Struck) }
     }
 
     /// Opens the latches and parts the rings.
@@ -195,6 +246,17 @@ impl MechanismState {
         if let Some(since_s) = self.held_since_s {
             h.f64(since_s);
             self.held.iter().flatten().for_each(|held| held.hash_into(h));
+        }
+        for (i, rule) in self.rules.iter().enumerate() {
+            let (kind, gap_m) = match rule {
+                LatchRule::Own => continue,
+                LatchRule::Held => (1, 0.0),
+                LatchRule::Within(gap_m) => (2, *gap_m),
+                LatchRule::Caught => (3, 0.0),
+            };
+            h.u64(i as u64);
+            h.u64(kind);
+            h.f64(gap_m);
         }
         let e = &self.losses;
         [e.contact, e.friction, e.attenuator, e.joint, e.capture].iter().for_each(|x| h.f64(*x));
@@ -723,8 +785,10 @@ impl System {
             self.advance_own_latches(state, m, [at(RING), at(TARGET)], middle);
             return;
         };
-        for (gap, latch) in m.latches.iter().zip(&mut state.latches) {
-            advance_latch(l, gap, latch, time_s);
+        for (i, gap) in m.latches.iter().enumerate().take(state.latches.len()) {
+            let reached = latch_reached(l, gap, &mut state.latches[i], time_s);
+            let reached = state.ruled(i, reached, gap);
+            reach(&mut state.latches[i], reached, time_s);
         }
         if state.latches.iter().all(|l| l.phase == LatchPhase::Latched) {
             let before = self.interface_energy(m, state);
@@ -770,7 +834,8 @@ pub fn pair_count(mechanism: &DockingMechanism) -> usize {
     crate::contact::RING_AND_PETAL_PAIRS + mechanism.surface_pairs().len()
 }
 
-fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f64) {
+/// How far a latch has come by its gap.
+fn latch_reached(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f64) -> LatchPhase {
     let near = |axial: f64, widen: f64| {
         gap.axial_m <= axial
             && gap.radial_m.abs() <= l.radial_zone_m * widen
@@ -779,7 +844,7 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
     if !near(l.catch_gap_m, 1.0) {
         latch.waiting_since_s = None;
     }
-    let reached = if near(l.catch_gap_m, 1.0) && waited(l, latch, time_s) {
+    if near(l.catch_gap_m, 1.0) && waited(l, latch, time_s) {
         LatchPhase::Latched
     } else if near(l.strike_gap_m, 1.0) {
         LatchPhase::Struck
@@ -787,8 +852,7 @@ fn advance_latch(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
         LatchPhase::Approach
     } else {
         LatchPhase::Free
-    };
-    reach(latch, reached, time_s);
+    }
 }
 
 /// A latch comes as far as `reached`.
@@ -911,7 +975,8 @@ mod tests {
         for i in 0..steps {
             let t = f64::from(i) * 1e-4;
             let gap = LatchGap { axial_m: axial_m(t), ..LatchGap::default() };
-            advance_latch(l, &gap, &mut latch, t);
+            let reached = latch_reached(l, &gap, &mut latch, t);
+            reach(&mut latch, reached, t);
         }
         latch
     }

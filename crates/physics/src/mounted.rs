@@ -6,13 +6,14 @@
 //! One step is the leapfrog of [`crate::reduced`], the plate's pose and twist in its middle given.
 
 use docktwin_core::{DMat3, DVec3, Pose, StateHasher, Twist, Wrench, inertia_world};
-use docktwin_model::{Rig, RigidMass};
+use docktwin_model::{MOST_LATCHES, Rig, RigidMass};
 
 use crate::{
     body::BodyState,
     hanger::Hanger,
     mechanism::{
-        CHASER, EnergyLosses, Forces, Measured, MechanismState, Midpoint, RING, System, TARGET,
+        CHASER, EnergyLosses, Forces, LatchRule, Measured, MechanismState, Midpoint, RING, System,
+        TARGET,
     },
 };
 
@@ -138,6 +139,18 @@ impl Article {
     }
 }
 
+/// How the rack moves that carries the ring. Accelerations are of the chaser's mass centre (m/s²) and angular
+/// (rad/s²), in `eb`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Rack {
+    /// It stands still.
+    Still,
+    /// The ring moves as on a chaser that the mechanism accelerates; its acceleration in the last step.
+    Yields(Twist),
+    /// The ring moves as on a chaser with this acceleration.
+    Accelerates(Twist),
+}
+
 /// The mechanism between rack and plate.
 #[derive(Clone, Debug)]
 pub struct Mounted {
@@ -157,11 +170,10 @@ pub struct Mounted {
     steps: u64,
     /// Latches are held open.
     open: bool,
-    /// The ring moves as on a chaser that the mechanism accelerates; its acceleration in the last step, of its
-    /// mass centre (m/s²) and angular (rad/s²), in `eb`. `None`: the rack stands still.
-    carried_along: Option<Twist>,
     /// Control wrench on the chaser about its mass centre, in its axes, N and N·m.
     pushed: Wrench,
+    rack: Rack,
+    latch_gaps_m: [f64; MOST_LATCHES],
     /// Ring, mechanism and balance where weight and springs hold each other.
     rest: Option<(MechanismState, BodyState, Option<Hanger>)>,
 }
@@ -186,12 +198,14 @@ impl Mounted {
             step_s,
             steps: 0,
             open: false,
-            carried_along: None,
             pushed: Wrench::ZERO,
+            rack: Rack::Still,
+            latch_gaps_m: [0.0; MOST_LATCHES],
             rest: None,
         };
         out.reset();
         out.rest = Some((out.state.clone(), out.ring, out.hanger));
+        out.reset();
         out
     }
 
@@ -217,7 +231,35 @@ impl Mounted {
     /// is a cause of difference of its own (0.5 % of F3 with a ring of 39 kg on 8 t); no rig can do this, it is
     /// there to find the share of that cause. Terms of the chaser's rate are left out, 0.2 N in a docking.
     pub const fn carry_along(&mut self) {
-        self.carried_along = Some(Twist { v: DVec3::ZERO, w: DVec3::ZERO });
+        self.rack = Rack::Yields(Twist { v: DVec3::ZERO, w: DVec3::ZERO });
+    }
+
+    /// Lets the ring feel what it would feel on a chaser with this acceleration of its mass centre (m/s²) and this
+    /// angular acceleration (rad/s²), in axes of `e1`, from the next step on: `−m (a + α × r)` and `−I α`. For a
+    /// mechanism in orbit, whose chaser a programme moves; thrust is in it then. Terms of the chaser's rate are
+    /// left out, 0.2 N in a docking.
+    pub fn accelerate_rack(&mut self, chaser: &Twist) {
+        let q = self.x_wc.q;
+        self.rack = Rack::Accelerates(Twist { v: q * chaser.v, w: q * chaser.w });
+    }
+
+    /// By what each latch catches from the next step on; [`Mounted::reset`] leaves them to themselves.
+    pub const fn rule_latches(&mut self, rules: [LatchRule; MOST_LATCHES]) {
+        self.state.rule_latches(rules);
+    }
+
+    /// Draws the rings, where they are joined, by `part` of what is left towards the place in which those of the same
+    /// mechanism on another stand are joined: latches hold where they hold, however they came there. Latches with
+    /// places of their own are left as they are.
+    pub fn draw_joint_to(&mut self, other: &Self, part: f64) {
+        let Some(l) = &self.system.mechanism().latches else { return };
+        self.state.draw_joint_to(&other.state, part, l.joined_stiffness_n_m / 3.0);
+    }
+
+    /// Axial gap of every latch in the middle of the last step, m; 0 before the first.
+    #[must_use]
+    pub const fn latch_gaps_m(&self) -> &[f64; MOST_LATCHES] {
+        &self.latch_gaps_m
     }
 
     /// The control wrench on the chaser from now on, about its mass centre, in its axes, N and N·m: it
@@ -228,7 +270,9 @@ impl Mounted {
 
     /// What the ring feels of its chaser's acceleration, about its mass centre.
     fn left_behind(&self) -> Wrench {
-        let Some(chaser) = self.carried_along else { return Wrench::ZERO };
+        let (Rack::Yields(chaser) | Rack::Accelerates(chaser)) = self.rack else {
+            return Wrench::ZERO;
+        };
         let mass = &self.system.mass()[RING];
         let arm = self.ring.p - self.x_wc.p;
         Wrench {
@@ -246,6 +290,7 @@ impl Mounted {
 
     /// Opens the latches and puts the ring to rest, where weight and springs hold each other.
     pub fn reset(&mut self) {
+        self.latch_gaps_m = [0.0; MOST_LATCHES];
         if let Some((state, ring, hanger)) = &self.rest {
             (self.state, self.ring, self.hanger) = (state.clone(), *ring, *hanger);
             self.steps = 0;
@@ -323,6 +368,7 @@ impl Mounted {
         let poses = self.bodies(x_bp);
         let com = poses.map(|x| x.p);
         let measured = self.system.measure(&self.state, &poses);
+        self.latch_gaps_m = measured.latches.map(|gap| gap.axial_m);
         let start = self.twists(x_bp, twist, com[TARGET]);
         let mut external = [Wrench::ZERO; 3];
         external[RING] = self.left_behind();
@@ -351,7 +397,7 @@ impl Mounted {
             self.ring.kick(&mass[RING], kick.wrench[RING], h);
             self.ring.drift(&mass[RING], 0.5 * h);
         }
-        if let Some(chaser) = &mut self.carried_along {
+        if let Rack::Yields(chaser) = &mut self.rack {
             let q = self.x_wc.q;
             let w = kick.wrench[CHASER] + self.pushed.rotated(q);
             let turning = q * (mass[CHASER].inertia().inverse() * (q.conjugate() * w.m));
@@ -410,7 +456,7 @@ impl Mounted {
         self.state.hash_into(h);
         h.u64(self.steps);
         h.u64(u64::from(self.open));
-        if let Some(chaser) = &self.carried_along {
+        if let Rack::Yields(chaser) | Rack::Accelerates(chaser) = &self.rack {
             h.vec3(chaser.v);
             h.vec3(chaser.w);
         }

@@ -47,6 +47,23 @@ impl RelativeMotion {
         }
     }
 
+    /// The motion `time_s` later with constant jerk: the Taylor series that [`RelativeMotion::led`] is not.
+    #[must_use]
+    pub fn ahead(&self, time_s: f64) -> Self {
+        let (t, x) = (time_s, &self.x_34);
+        let way = sum(
+            sum(sum(Twist::default(), self.twist, t), self.acceleration, t * t / 2.0),
+            self.jerk,
+            t * t * t / 6.0,
+        );
+        Self {
+            x_34: Pose::new(x.p + way.v, (DQuat::from_scaled_axis(way.w) * x.q).normalize()),
+            twist: sum(sum(self.twist, self.acceleration, t), self.jerk, t * t / 2.0),
+            acceleration: sum(self.acceleration, self.jerk, t),
+            jerk: self.jerk,
+        }
+    }
+
     /// True when every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
@@ -175,6 +192,16 @@ impl Programme {
             b.kick(m, w, 0.5 * self.tick_s);
         }
         out
+    }
+
+    /// What the last kick accelerates the chaser by: its mass centre, m/s², and its rotation, rad/s² (without the
+    /// gyroscopic part), in axes of `e1`. Control wrenches are in it.
+    #[must_use]
+    pub fn chaser_acceleration(&self) -> Twist {
+        let b = &self.bodies[0];
+        let d = b.kick_response(&self.mass[0], self.last[0], 1.0);
+        let back = b.q.conjugate();
+        Twist { v: back * d.v, w: back * d.w }
     }
 
     /// Mass properties of chaser and target.

@@ -91,8 +91,8 @@ pub use reader::flip_bit;
 pub use reader::{RunReader, Ticks, rebuild_parquet};
 pub use recover::{Recovered, recover};
 pub use summary::{
-    Fidelity, FidelityFigures, FidelityOf, LatenessUs, LoopSummary, Masses, Outcome, PhaseUs,
-    RecordingSummary, SUMMARY_SCHEMA, SafetySummary, StepUs, Summary, Verdict,
+    CompensatorSummary, Fidelity, FidelityFigures, FidelityOf, LatenessUs, LoopSummary, Masses,
+    Outcome, PhaseUs, RecordingSummary, SUMMARY_SCHEMA, SafetySummary, StepUs, Summary, Verdict,
 };
 pub use tick::TickRecord;
 pub use writer::{Policy, RunWriter};

@@ -285,6 +285,25 @@ pub struct FidelityFigures {
     pub delta_energy: Option<f64>,
 }
 
+/// What was done against the delay of the rig and what the rig adds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CompensatorSummary {
+    /// Name of the method.
+    pub name: String,
+    /// Its lead, s; 0 where it has none.
+    pub lead_s: f64,
+    /// RMS over the closed loop of the force that a method with a model added at port 4, N.
+    pub correction_rms_n: Option<f64>,
+    /// The same of the force measured there less what its model of the rig expected to measure.
+    pub residual_rms_n: Option<f64>,
+    /// Share of the model's correction that was applied, 0 to 1: its mean over the closed loop.
+    pub trust_mean: Option<f64>,
+    /// Its least.
+    pub trust_min: Option<f64>,
+    /// When the model was given up, s; null where it was not.
+    pub fell_back_s: Option<f64>,
+}
+
 /// What the safety supervisor saw.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SafetySummary {
@@ -406,6 +425,9 @@ pub struct Summary {
     /// HIL only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fidelity: Option<Fidelity>,
+    /// HIL only; none in summaries before 0.3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compensator: Option<CompensatorSummary>,
     /// HIL only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetySummary>,
@@ -460,6 +482,7 @@ impl Summary {
             step_us: StepUs::default(),
             loop_: None,
             fidelity: None,
+            compensator: None,
             safety: None,
             warnings: Vec::new(),
             not_judged: Vec::new(),

@@ -351,9 +351,22 @@ fn rig_loop(run: &Run) -> Markup {
                 @if let Some(c) = meta("compensator") {
                     (row("against the delay", match meta("lead_s").and_then(|s| s.parse::<f64>().ok()) {
                         Some(lead_s) if c == "lead" => format!("a lead of {} ms", words::three(lead_s * 1e3)),
+                        Some(lead_s) if c == "twin" => {
+                            format!("two twins and a lead of {} ms", words::three(lead_s * 1e3))
+                        }
                         Some(lead_s) if lead_s > 0.0 => format!("{c}, {} ms", words::three(lead_s * 1e3)),
                         _ => c,
                     }))
+                }
+                @if let Some((c, trust)) = s.compensator.as_ref().and_then(|c| Some((c, c.trust_mean?))) {
+                    (row("correction of the wrenches", format!(
+                        "{} N RMS at port 4, {} of it applied on average, {} at least; residual {} N RMS{}",
+                        c.correction_rms_n.map_or("–".to_owned(), words::three),
+                        part(Some(trust)),
+                        part(c.trust_min),
+                        c.residual_rms_n.map_or("–".to_owned(), words::three),
+                        c.fell_back_s.map_or(String::new(), |t| format!("; given up at {} s", words::three(t))),
+                    )))
                 }
                 @if timed {
                     (row("wake-ups late by", format!(

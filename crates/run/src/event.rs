@@ -65,6 +65,13 @@ pub enum RunEvent {
         /// How late the wake-up was, ms.
         lateness_ms: f64,
     },
+    /// The compensator has given its model up and goes on as a lead.
+    FellBack {
+        /// Its name.
+        method: &'static str,
+        /// Force measured at port 4 less the expected one, N.
+        residual_n: f64,
+    },
     /// How near a run with a rig came to the simulated system.
     Fidelity(Box<Fidelity>),
     /// Something that no bound asks about and a reader should know.
@@ -111,6 +118,14 @@ fn fidelity_words(f: &Fidelity) -> String {
     out.join("; ")
 }
 
+fn fell_back(t: f64, method: &str, residual_n: f64) -> (String, Value) {
+    let text = format!(
+        "t = {t:.3} s `{method}` gives its model up, {residual_n:.0} N off what is measured, and goes on as a \
+         lead"
+    );
+    (text, json!({ "compensator": method, "residual_n": residual_n }))
+}
+
 impl RunEvent {
     /// The stable word for it in `events.jsonl`.
     #[must_use]
@@ -129,6 +144,7 @@ impl RunEvent {
             Self::Phase(_) => "phase",
             Self::SafetyStop(_) => "safety_stop",
             Self::MissedTicks { .. } => "missed_ticks",
+            Self::FellBack { .. } => "fell_back",
             Self::Fidelity(_) => "fidelity",
             Self::Warning(_) => "warning",
             Self::Outcome { .. } => "outcome",
@@ -215,6 +231,7 @@ impl RunEvent {
                 format!("t = {t:.3} s {missed} ticks left out: woken {lateness_ms:.3} ms late"),
                 json!({ "missed": missed, "lateness_ms": lateness_ms }),
             ),
+            Self::FellBack { method, residual_n } => fell_back(t, method, *residual_n),
             Self::Fidelity(f) => (
                 format!("against the simulated system: {}", fidelity_words(f)),
                 // Plain numbers and nulls: it always serialises.

@@ -4,7 +4,7 @@
 use core::{fmt, str::FromStr};
 use std::{path::Path, time::Duration};
 
-use docktwin_control::compensation::{Compensation, MOST_LEAD_S};
+use docktwin_control::compensation::{Compensation, MOST_LEAD_S, Residual};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::Clock,
@@ -200,6 +200,10 @@ pub fn compensation(choice: CompensatorChoice, lead_s: f64) -> Result<Compensati
     Ok(match choice {
         CompensatorChoice::None => Compensation::None,
         CompensatorChoice::Lead => Compensation::Lead(lead_s),
+        CompensatorChoice::Twin => Compensation::Twin { lead_s, residual: Residual::Felt },
+        CompensatorChoice::TwinModelOnly => {
+            Compensation::Twin { lead_s, residual: Residual::LeftOut }
+        }
     })
 }
 

@@ -14,6 +14,7 @@ use docktwin_physics::{
     reduced::{DockingState, Energy},
 };
 use docktwin_record::{Cell, Column};
+use docktwin_rigport::message::six;
 
 use crate::{
     columns::{WITH_RIG, columns_of},
@@ -72,6 +73,13 @@ pub fn loop_row(r: &TickRecord, x_34: &Pose, timed: bool, out: &mut Vec<Cell>) {
     out.push(Cell::from(us(r.lateness_ns)));
     out.push(Cell::from(us(r.compute_ns)));
     out.push(Cell::from(r.missed));
+    let report = r.compensator_report.unwrap_or_default();
+    let correction = r.correction.unwrap_or_default();
+    for w in [correction.port3, correction.port4, report.residual.port4] {
+        out.extend(six(w.f, w.m).map(Cell::from));
+    }
+    out.push(Cell::from(report.trust));
+    out.push(Cell::from(report.trust_fast));
 }
 
 /// What has happened so far in a run against a rig, kept from tick to tick.

@@ -225,8 +225,10 @@ pub(crate) const KEYS: &[Key] = &[
     ),
     key(
         "loop.compensator",
-        Shape::Words(&["none", "lead"], false),
-        "Compensator of the delay of the rig; without it `lead`.",
+        Shape::Words(&["none", "lead", "twin", "twin-model-only"], false),
+        "Compensator of the delay of the rig and of what it adds; without it `lead`. `twin` corrects the measured \
+         wrenches by two twins and leads the command; `twin-model-only` leaves what was measured out, as a \
+         control of validations.",
     ),
     key(
         "loop.lead_s",

@@ -147,7 +147,7 @@ pub struct HilSettings {
     pub rig: Option<String>,
     /// Oil volume.
     pub preset: Option<HydraulicPreset>,
-    /// `none` or `lead`.
+    /// What is done against the delay of the rig and what it adds.
     pub compensator: Option<CompensatorChoice>,
     /// Lead, s.
     pub lead_s: Option<f64>,
@@ -168,14 +168,23 @@ pub enum CompensatorChoice {
     None,
     /// `x + τ v`.
     Lead,
+    /// Two twins, in orbit and on the ground, and a lead.
+    Twin,
+    /// The same with the measured wrenches left out: a control for validations.
+    TwinModelOnly,
 }
 
 impl CompensatorChoice {
     /// Words by which scenario and command line name them.
-    pub const WORDS: [(&'static str, Self); 2] = [("none", Self::None), ("lead", Self::Lead)];
+    pub const WORDS: [(&'static str, Self); 4] = [
+        ("none", Self::None),
+        ("lead", Self::Lead),
+        ("twin", Self::Twin),
+        ("twin-model-only", Self::TwinModelOnly),
+    ];
 
     /// The same words as an option of the command line shows them.
-    pub const NAMES: &'static str = "none|lead";
+    pub const NAMES: &'static str = "none|lead|twin|twin-model-only";
 }
 
 /// The body a thrust acts on.
@@ -528,7 +537,7 @@ fn read_loop(t: &Table<'_, '_>) -> HilSettings {
         moment_limit_nm: maybe(t, "moment_limit_nm"),
     };
     if settings.compensator == Some(CompensatorChoice::None) && settings.lead_s.is_some() {
-        t.refuse("lead_s", "is a lead, but nothing leads", "remove it, or take `lead`");
+        t.refuse("lead_s", "is a lead, but nothing leads", "remove it, or take `lead` or `twin`");
     }
     settings
 }

@@ -63,7 +63,7 @@ pub struct Measured {
     /// Displacement (m) and rotation vector (rad) of the ring from rest, in `e3`.
     pub ring: Option<[DVec3; 2]>,
     /// Phases of the latches, 0 free to 3 latched; `None` beyond those that report.
-    pub latches: [Option<u32>; 8],
+    pub latches: [Option<u32>; super::LATCHES],
     /// Whether the rings are joined.
     pub joined: Option<bool>,
     /// The plate, `X_bp`: from the leg lengths, or as the rig measures it.
@@ -87,7 +87,7 @@ impl Measured {
             leg_force_n: None,
             valve_spool: None,
             ring: None,
-            latches: [None; 8],
+            latches: [None; super::LATCHES],
             joined: None,
             x_bp,
             x_34,

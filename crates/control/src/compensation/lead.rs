@@ -24,6 +24,12 @@ impl Lead {
     pub const fn new(lead_s: f64) -> Self {
         Self { lead_s }
     }
+
+    /// The lead, s.
+    #[must_use]
+    pub const fn lead_s(&self) -> f64 {
+        self.lead_s
+    }
 }
 
 impl Compensator for Lead {

@@ -15,6 +15,7 @@
 mod context;
 mod lead;
 mod none;
+mod twin;
 
 use docktwin_core::Wrench;
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
@@ -22,6 +23,10 @@ use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 pub use context::{LoopContext, Measured, Phase};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
+pub use twin::{Believed, Residual, Twin};
+
+/// Latches whose phases a measurement has room for.
+const LATCHES: usize = 8;
 
 /// A compensator of the delay of the rig.
 ///
@@ -48,6 +53,30 @@ pub trait Compensator {
     /// Digest of the method's own state, for methods that have any: a replay compares it.
     fn digest(&self) -> Option<u64> {
         None
+    }
+
+    /// What a method that corrects wrenches by a model says of the last tick.
+    fn report(&self) -> Option<Report> {
+        None
+    }
+}
+
+/// What a method that corrects wrenches by a model says of a tick, for the record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Report {
+    /// Measured wrenches less what the model of the rig expects to measure.
+    pub residual: Ports,
+    /// Share of the model's correction that is applied, 0 to 1.
+    pub trust: f64,
+    /// Share of that which is left of its fast part, 0 to 1.
+    pub trust_fast: f64,
+    /// The model was too far off and is not used any more.
+    pub fallen_back: bool,
+}
+
+impl Default for Report {
+    fn default() -> Self {
+        Self { residual: Ports::default(), trust: 1.0, trust_fast: 1.0, fallen_back: false }
     }
 }
 
@@ -116,13 +145,25 @@ pub enum Compensation {
     None,
     /// `x + τ v`: the lead τ in seconds, 0 to [`MOST_LEAD_S`].
     Lead(f64),
+    /// Two twins correct the wrenches, a lead the command.
+    Twin {
+        /// The lead, s, 0 to [`MOST_LEAD_S`].
+        lead_s: f64,
+        /// What becomes of what the twins do not know.
+        residual: Residual,
+    },
 }
 
 impl Compensation {
     /// Name as on the command line.
     #[must_use]
-    pub fn name(&self) -> &'static str {
-        self.method().name()
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Lead(_) => "lead",
+            Self::Twin { residual: Residual::Felt, .. } => "twin",
+            Self::Twin { residual: Residual::LeftOut, .. } => "twin-model-only",
+        }
     }
 
     /// Its lead, s.
@@ -130,16 +171,19 @@ impl Compensation {
     pub const fn lead_s(&self) -> f64 {
         match self {
             Self::None => 0.0,
-            Self::Lead(lead_s) => *lead_s,
+            Self::Lead(lead_s) | Self::Twin { lead_s, .. } => *lead_s,
         }
     }
 
-    /// The method, before its first tick.
+    /// The method, before its first tick, for a rig and a mechanism as they are believed.
     #[must_use]
-    pub const fn method(&self) -> Method {
-        match self {
+    pub fn method(&self, believed: &Believed<'_>) -> Method {
+        match *self {
             Self::None => Method::None(Uncompensated),
-            Self::Lead(lead_s) => Method::Lead(Lead::new(*lead_s)),
+            Self::Lead(lead_s) => Method::Lead(Lead::new(lead_s)),
+            Self::Twin { lead_s, residual } => {
+                Method::Twin(Box::new(Twin::new(believed, lead_s, residual)))
+            }
         }
     }
 }
@@ -152,6 +196,8 @@ pub enum Method {
     None(Uncompensated),
     /// See [`Lead`].
     Lead(Lead),
+    /// See [`Twin`].
+    Twin(Box<Twin>),
 }
 
 /// Calls the same method of whatever method it is.
@@ -160,6 +206,7 @@ macro_rules! each {
         match $method {
             Method::None($m) => $call,
             Method::Lead($m) => $call,
+            Method::Twin($m) => $call,
         }
     };
 }
@@ -183,5 +230,9 @@ impl Compensator for Method {
 
     fn digest(&self) -> Option<u64> {
         each!(self, m => m.digest())
+    }
+
+    fn report(&self) -> Option<Report> {
+        each!(self, m => m.report())
     }
 }

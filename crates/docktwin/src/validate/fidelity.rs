@@ -42,6 +42,9 @@ With --offload-map the rig's balance is varied: 90, 95, 98 and 100 % of the ring
 0, 5, 10 and 20 N of friction, 0, 2, 10 and 40 kg of moving mass, each with each. The table says
 what each costs and what the mechanism does not bear. That makes 64 runs a scenario, on all cores.
 
+--compensator twin is to be seen beside twin-model-only, which leaves out what was measured:
+where the rig's mechanism is not the believed one, that must be clearly worse.
+
 The directory holds fidelity.json (what --json prints), with --budget also fidelity-budget.csv and a
 plot of every scenario, with --draws fidelity-draws.csv (one row a draw) and
 fidelity-distribution.csv, with --offload-map fidelity-offload.csv and two plots of every scenario.
@@ -50,6 +53,7 @@ Examples:
   docktwin validate fidelity scenarios/apas_nominal.toml scenarios/apas_fast.toml
   docktwin validate fidelity scenarios/apas_fast.toml --budget
   docktwin validate fidelity scenarios/apas_fast.toml --without legs --without rack
+  docktwin validate fidelity scenarios/apas_fast.toml --compensator twin --mechanism-draw 3
   docktwin validate fidelity scenarios/heavy_pair.toml --compensator none --set run.duration_s=5 --json
   docktwin validate fidelity scenarios/apas_fast.toml --perturb 7 --identification p7.toml
   docktwin validate fidelity scenarios/apas_fast.toml --draws 100 --mechanism-grade coarse

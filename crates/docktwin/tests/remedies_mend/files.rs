@@ -974,9 +974,13 @@ fn scenario() -> Vec<Case> {
             &[&[(S, "= 10000", "= 10")], &[(S, "= 1000.0", "= 1.0")]],
         ),
         case(
-            "remove it, or take `lead`",
+            "remove it, or take `lead` or `twin`",
             &[(S, "[expect]", late)],
-            &[&[(S, "lead_s = 0.01\n", "")], &[(S, "\"none\"", "\"lead\"")]],
+            &[
+                &[(S, "lead_s = 0.01\n", "")],
+                &[(S, "\"none\"", "\"lead\"")],
+                &[(S, "\"none\"", "\"twin\"")],
+            ],
         ),
         case(
             "give one, or remove the thrust",

@@ -81,7 +81,7 @@ const DRY_RUN_SPEED: f64 = 0.25;
 impl<R: Rig, K: Clock> Loop<R, K, Idle> {
     /// An idle loop with the method that its set-up names; nothing is sent yet.
     pub fn new(setup: LoopSetup, rig: R, clock: K) -> Self {
-        let method: Method = setup.compensation.method();
+        let method: Method = setup.method();
         Self::with_compensator(setup, rig, clock, method)
     }
 }

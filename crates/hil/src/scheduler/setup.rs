@@ -3,14 +3,14 @@
 use core::{fmt, time::Duration};
 
 use docktwin_control::{
-    compensation::{Compensation, MOST_LEAD_S},
+    compensation::{Believed, Compensation, MOST_LEAD_S, Method},
     feedforward::{Feedforward, LegCorrections},
     rig::RigSetup,
     safety::{Limit, SafetyLimits},
     sensing::SensorScheme,
 };
 use docktwin_core::PERIOD_NS;
-use docktwin_model::{HydraulicPreset, Rig as RigModel};
+use docktwin_model::{HydraulicPreset, Rig as RigModel, SixAxisSensor};
 use docktwin_physics::{
     body::BodyState, mechanism::System, mounted::Payload, programme::Programme,
 };
@@ -37,6 +37,8 @@ pub struct LoopSetup {
     pub parameters: RigParameters,
     /// The spacecraft at the initial condition.
     pub bodies: Programme,
+    /// Mechanism and spacecraft as their files say, for a compensator that models them.
+    pub system: System,
     /// Compensator of the delay of the rig.
     pub compensation: Compensation,
     /// Ticks by which every command is held back, at most [`MOST_ADDED`]: emulates a rig with a
@@ -92,6 +94,8 @@ pub struct RigParameters {
     pub lead_s: f64,
     /// Lag of sensor B less that of the accelerometers, s.
     pub accelerometers_ahead_s: f64,
+    /// Force sensors A and B, with the delays that were calibrated; `None` without a table `[sensors]`.
+    pub sensors: Option<[SixAxisSensor; 2]>,
 }
 
 impl RigParameters {
@@ -110,6 +114,7 @@ impl RigParameters {
                 .map_or_else(|| sensor_interface(&force).lag_s(), |c| c.lag_s(1, &force));
             (found.delay_s() + lag_s, found.lead_s(&of_a))
         });
+        let sensors = force.map(|f| [0, 1].map(|i| calibration.map_or(f, |c| c.sensor(i, &f))));
         let (interface_delay_s, lead_s) = delays_s.unwrap_or((filed_s, filed_s));
         Self {
             corrections: identification
@@ -126,6 +131,7 @@ impl RigParameters {
                     |c| c.accelerometers_ahead_s(&file),
                 )
             }),
+            sensors,
         }
     }
 }
@@ -177,6 +183,7 @@ impl LoopSetup {
             feedforward: RigSetup::of_rig(rig, preset, None).feedforward(),
             parameters: RigParameters::new(rig, None, None),
             bodies: Programme::new(system, bodies, tick_s()),
+            system: system.clone(),
             compensation: Compensation::None,
             added_ticks: 0,
             scheme: SensorScheme::Single,
@@ -189,6 +196,17 @@ impl LoopSetup {
             dry_run: false,
             system: system.clone(),
             rig: rig.clone(),
+        })
+    }
+
+    /// The compensator that is named, made of what is believed of rig and mechanism.
+    #[must_use]
+    pub fn method(&self) -> Method {
+        self.compensation.method(&Believed {
+            rig: &self.rig,
+            system: &self.system,
+            scheme: self.scheme,
+            sensors: self.parameters.sensors,
         })
     }
 

@@ -1,7 +1,7 @@
 //! One tick of a running loop.
 
 use docktwin_control::{
-    compensation::{Compensator, Measured, Target},
+    compensation::{Compensator, Measured, Report, Target},
     feedforward::PlateMotion,
     safety::{Trip, Watched, half_widths},
     sensing::{Readings, SensorScheme},
@@ -69,6 +69,8 @@ pub struct TickRecord {
     pub command: RigCommand,
     /// Digest of the compensator's own state, where it has any.
     pub compensator_digest: Option<u64>,
+    /// What the compensator says of its model, where it has one.
+    pub compensator_report: Option<Report>,
     /// The limit that was passed, from its tick on.
     pub trip: Option<Trip>,
 }
@@ -181,6 +183,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
             motion,
             command,
             compensator_digest: self.compensator.digest(),
+            compensator_report: self.compensator.report(),
             trip,
         })
     }

@@ -143,7 +143,9 @@ impl System {
         middle: &Midpoint,
     ) {
         for (i, l) in self.own() {
-            reach(state.latch_mut(i), reached(l, &m.latches[i]), middle.time_s);
+            let gap = &m.latches[i];
+            let reached = state.ruled(i, reached(l, gap), gap);
+            reach(state.latch_mut(i), reached, middle.time_s);
         }
         let caught = |i: usize| state.latch(i).phase == LatchPhase::Latched;
         let mechanism = &self.mechanism;

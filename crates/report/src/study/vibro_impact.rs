@@ -85,6 +85,7 @@ fn compensation(s: &VibroSummary) -> String {
     match s.compensator.as_str() {
         "none" => "without compensation".to_owned(),
         "lead" => format!("with a lead of {:.2} ms", s.lead_s * 1e3),
+        "twin" => format!("with two twins and a lead of {:.2} ms", s.lead_s * 1e3),
         other => format!("with the compensator `{other}`, {:.2} ms", s.lead_s * 1e3),
     }
 }

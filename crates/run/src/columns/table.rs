@@ -112,6 +112,7 @@ pub const WITH_RIG: &[Group] = &[
     once(SENSORS),
     Group { count: Some(6), of: "leg", signals: LEGS },
     once(LOOP),
+    once(COMPENSATOR),
 ];
 
 const BODIES: &[Signal] = &[
@@ -498,4 +499,43 @@ const LOOP: &[Signal] = &[
     ),
     scalar("/loop", "compute_time", US, "Time the tick took; 0 with the virtual clock."),
     count("/loop", "missed_ticks", "Ticks left out before this one."),
+];
+
+const COMPENSATOR: &[Signal] = &[
+    vector(
+        "/compensator",
+        "correction_3_force",
+        N,
+        "What the compensator adds to F3 for the bodies; 0 where it corrects no wrenches.",
+    )
+    .frame("`e3`"),
+    vector("/compensator", "correction_3_moment", NM, "The same of M3.")
+        .frame("`e3`")
+        .at("origin of `e3`"),
+    vector("/compensator", "correction_4_force", N, "The same of F4.").frame("`e4`"),
+    vector("/compensator", "correction_4_moment", NM, "The same of M4.")
+        .frame("`e4`")
+        .at("origin of `e4`"),
+    vector(
+        "/compensator",
+        "residual_4_force",
+        N,
+        "F4 as measured less what the compensator's model of the rig expects to measure; 0 without a model.",
+    )
+    .frame("`e4`"),
+    vector("/compensator", "residual_4_moment", NM, "The same of M4.")
+        .frame("`e4`")
+        .at("origin of `e4`"),
+    scalar(
+        "/compensator",
+        "compensator_trust",
+        NONE,
+        "Share of the model's correction that is applied, 0 to 1; 1 without a model.",
+    ),
+    scalar(
+        "/compensator",
+        "compensator_trust_fast",
+        NONE,
+        "Share of that which is left of its part above 8 Hz, 0 to 1; 1 without a model.",
+    ),
 ];

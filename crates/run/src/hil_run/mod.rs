@@ -1,5 +1,6 @@
 //! A loop with a rig: stepped tick by tick, or run as a whole in virtual or in real time.
 
+mod compensated;
 mod prepare;
 mod realtime;
 mod recorder;

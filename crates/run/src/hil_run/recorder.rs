@@ -11,6 +11,7 @@ use docktwin_scenario::Scenario;
 
 use super::{
     Ended, HilRun, PERIOD_NS, PERIOD_S,
+    compensated::Compensated,
     prepare::see,
     summary::{loop_summary, milliseconds, safety_summary, step_summary},
     verdict,
@@ -41,6 +42,7 @@ pub(crate) struct HilRecorder<'a, S> {
     observer: Observer,
     watcher: Watcher,
     meter: FidelityMeter,
+    compensated: Compensated,
     thrusts: TimedThrusts,
     situation: Situation,
     events: Vec<RunEvent>,
@@ -84,6 +86,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
                 bodies,
                 PERIOD_NS,
             ),
+            compensated: Compensated::new(run.setup.compensation),
             thrusts: TimedThrusts::of(scenario),
             situation: run.commands(crate::control::Coasting).now,
             events: Vec::new(),
@@ -149,6 +152,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
 
     fn observe(&mut self, now: &Instant, r: &TickRecord, time: SimTime) {
         self.meter.add(r);
+        self.events.extend(self.compensated.take(r, time.seconds()));
         let seen = now.observation(time.seconds());
         let observed =
             Observed { system: &self.system, now, seen: &seen, control: &r.control, time };
@@ -216,6 +220,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let state = self.watcher.state();
         let mut summary = self.observer.summary_with_rig(&asked, state, &judgement, last, time);
         summary.fidelity = Some(self.meter.fidelity());
+        summary.compensator = Some(self.compensated.summary());
         (summary, judgement)
     }
 
@@ -225,6 +230,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
         let time = self.time(last);
         let (mut summary, judgement) = self.judged();
         verdict::judge(&self.scenario.expect, &mut summary, &judgement, ended, self.dry_run);
+        summary.warnings.extend(self.compensated.warning());
         self.tell_figures(&summary);
         summary.loop_ = Some(loop_summary(ended));
         summary.step_us = step_summary(ended);

@@ -32,6 +32,16 @@ fn figures(s: &Summary) -> Vec<(String, String)> {
     if let Some(f) = &s.fidelity {
         out.extend(f.figures().into_iter().map(|(key, x)| (format!("fidelity.{key}"), time(x))));
     }
+    if let Some(c) = &s.compensator {
+        let of = [
+            ("correction_rms_n", c.correction_rms_n),
+            ("residual_rms_n", c.residual_rms_n),
+            ("trust_mean", c.trust_mean),
+            ("trust_min", c.trust_min),
+            ("fell_back_s", c.fell_back_s),
+        ];
+        out.extend(of.map(|(key, x)| (format!("compensator.{key}"), time(x))));
+    }
     out
 }
 
