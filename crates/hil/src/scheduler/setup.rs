@@ -37,7 +37,8 @@ pub struct LoopSetup {
     pub parameters: RigParameters,
     /// The spacecraft at the initial condition.
     pub bodies: Programme,
-    /// Mechanism and spacecraft as their files say, for a compensator that models them.
+    /// Mechanism and spacecraft as their files say: a compensator may model them, and they must not touch on the way
+    /// to the initial condition.
     pub system: System,
     /// Compensator of the delay of the rig.
     pub compensation: Compensation,
@@ -61,8 +62,6 @@ pub struct LoopSetup {
     pub patience: Duration,
     /// Slowly to the initial condition and back, without closing the loop.
     pub dry_run: bool,
-    /// What must not touch on the way to the initial condition.
-    pub system: System,
 }
 
 /// The way to the initial condition.
@@ -194,7 +193,6 @@ impl LoopSetup {
             session: 1,
             patience: Duration::ZERO,
             dry_run: false,
-            system: system.clone(),
             rig: rig.clone(),
         })
     }
