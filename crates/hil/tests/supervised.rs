@@ -123,7 +123,7 @@ fn invariant_every_shortfall_is_refused_with_a_line_of_its_own() {
     let [outside_m, end_m] = slips_m(&m);
     let torn = always(K::LengthsTorn).sized(torn_m(&m));
     let cases = [
-        ("rig", "switch the hydraulics on", always(K::SupplyLost)),
+        ("rig", "switch its drives on", always(K::SupplyLost)),
         ("rig", "clear its fault", always(K::SafeState)),
         ("emergency stop", "release it", always(K::EmergencyStop)),
         ("limit switches", "drive it off", always(K::LimitSwitch)),

@@ -319,6 +319,15 @@ pub(crate) const CASES: &[Case] = &[
             ),
         ],
     },
+    Case {
+        remedy: "add [offload] to the rig's TOML; models/urdf/stewart.toml is an example",
+        breaks: unbalanced,
+        fails: "validate fidelity apas_nominal.toml --offload-map --set run.duration_s=0.01",
+        ways: &[(
+            shipped_rig,
+            "validate fidelity apas_nominal.toml --offload-map --set run.duration_s=0.01",
+        )],
+    },
     words(
         "add --tolerance 1e-3 or --tol m=1e-3",
         "diff a b --align first-contact",
