@@ -841,14 +841,26 @@ fn latch_reached(l: &LatchSet, gap: &LatchGap, latch: &mut LatchState, time_s: f
             && gap.radial_m.abs() <= l.radial_zone_m * widen
             && gap.tangential_m.abs() <= l.tangential_zone_m * widen
     };
-    if !near(l.catch_gap_m, 1.0) {
+    let there = near(l.catch_gap_m, 1.0);
+    if !there {
         latch.waiting_since_s = None;
     }
-    if near(l.catch_gap_m, 1.0) && waited(l, latch, time_s) {
+    let catches = there && waited(l, latch, time_s);
+    phase_by_gaps(catches, [l.strike_gap_m, l.approach_gap_m], near)
+}
+
+/// The phase of a latch that `catches` or not, with the axial gaps below which it is struck and approached, m;
+/// `near(axial, widen)` is whether it is within a gap, and within its zone so many times as wide.
+fn phase_by_gaps(
+    catches: bool,
+    [strike_m, approach_m]: [f64; 2],
+    near: impl Fn(f64, f64) -> bool,
+) -> LatchPhase {
+    if catches {
         LatchPhase::Latched
-    } else if near(l.strike_gap_m, 1.0) {
+    } else if near(strike_m, 1.0) {
         LatchPhase::Struck
-    } else if near(l.approach_gap_m, 4.0) {
+    } else if near(approach_m, 4.0) {
         LatchPhase::Approach
     } else {
         LatchPhase::Free

@@ -136,6 +136,8 @@ impl Geometry {
 pub(crate) struct Patch {
     pub(crate) corners: [DVec3; 4],
     pub(crate) two_sided: bool,
+    /// Seen through: something may be in it.
+    pub(crate) glass: bool,
 }
 
 /// The ring, in its frame.
@@ -154,18 +156,21 @@ pub(crate) fn ring_patches(side: &SideGeometry) -> Vec<Patch> {
         .map(|(i, j)| Patch {
             corners: [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)],
             two_sided: false,
+            glass: false,
         })
         .collect()
 }
 
 /// A listed surface, in its ring frame.
 pub(crate) fn surface_patches(s: &Surface) -> Vec<Patch> {
-    let two_sided = matches!(s.core, SurfaceCore::Hollow { .. });
+    let hollow = matches!(s.core, SurfaceCore::Hollow { .. });
     let of = |grid: SurfaceGrid| {
         let at = |i: usize, j: usize| grid.points[i * grid.columns + j % grid.columns][0];
         let cells = (1..grid.rows).flat_map(|i| (0..grid.columns).map(move |j| (i, j)));
         let corners = |(i, j)| [at(i - 1, j), at(i - 1, j + 1), at(i, j + 1), at(i, j)];
-        cells.map(|cell| Patch { corners: corners(cell), two_sided }).collect::<Vec<_>>()
+        cells
+            .map(|cell| Patch { corners: corners(cell), two_sided: hollow, glass: hollow })
+            .collect::<Vec<_>>()
     };
     s.grids(24).into_iter().flat_map(of).collect()
 }
@@ -183,6 +188,7 @@ pub(crate) fn petal_patches(p: &PetalGeometry, i: u32) -> Vec<Patch> {
         .map(|(a, b)| Patch {
             corners: [at(a, b), at(a + 1, b), at(a + 1, b + 1), at(a, b + 1)],
             two_sided: true,
+            glass: false,
         })
         .collect()
 }

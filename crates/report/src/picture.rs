@@ -179,7 +179,7 @@ fn planes(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera) {
     }
 }
 
-/// Rings and petals, far ones first.
+/// Rings, petals and listed surfaces, far ones first.
 fn surfaces(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera) {
     let light = (camera.to_eye + 0.7 * camera.up - 0.5 * camera.right).normalize();
     let mut all: Vec<(f64, String)> = Vec::new();
@@ -204,7 +204,8 @@ fn surfaces(out: &mut String, g: &Geometry, poses: &Poses, camera: &Camera) {
                 let _ = write!(d, "{letter}{} {}", short(step[0]), short(step[1]));
                 last = at;
             }
-            all.push((depth, format!("<path class=\"{letter}{shade}\" d=\"{d}z\"/>")));
+            let through = if p.glass { " fill-opacity=\".3\" stroke-opacity=\".3\"" } else { "" };
+            all.push((depth, format!("<path class=\"{letter}{shade}\"{through} d=\"{d}z\"/>")));
         }
     };
     for (side, x, letter) in

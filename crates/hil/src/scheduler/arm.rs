@@ -184,9 +184,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         let slow = if s.dry_run { DRY_RUN_SPEED } else { 1.0 };
         let (speed, rate) = (s.approach.speed_m_s * slow, s.approach.rate_rad_s * slow);
         let there = Move::new(&begin, &s.bodies.x_34(), speed, rate);
-        // A stick is in its frame from the beginning.
-        let stick = s.system.mechanism().stick.is_some();
-        let touches = |x: &Pose| !stick && s.system.touches_at(x);
+        let touches = |x: &Pose| s.system.touches_at(x);
         let first = Route::clear([from, &begin], [speed, rate], touches)?;
         let clear = |i: u32| {
             let part = f64::from(i) / f64::from(LOOKS);

@@ -6,8 +6,8 @@ use docktwin_core::{DVec3, Pose, StateHasher, Twist};
 use docktwin_model::{Latch, MOST_LATCHES};
 
 use super::{
-    Forces, LatchGap, LatchPhase, LatchState, Measured, MechanismState, Midpoint, System, reach,
-    striker_rate,
+    Forces, LatchGap, LatchPhase, LatchState, Measured, MechanismState, Midpoint, System,
+    phase_by_gaps, reach, striker_rate,
 };
 
 /// A striker held in its latch.
@@ -49,15 +49,7 @@ fn reached(l: &Latch, gap: &LatchGap) -> LatchPhase {
             && gap.radial_m <= l.lateral_zone_m * widen
             && gap.angle_rad <= l.angle_zone_rad * widen
     };
-    if near(l.catch_gap_m, 1.0) {
-        LatchPhase::Latched
-    } else if near(l.strike_gap_m, 1.0) {
-        LatchPhase::Struck
-    } else if near(l.approach_gap_m, 4.0) {
-        LatchPhase::Approach
-    } else {
-        LatchPhase::Free
-    }
+    phase_by_gaps(near(l.catch_gap_m, 1.0), [l.strike_gap_m, l.approach_gap_m], near)
 }
 
 /// Force of a caught latch on the target before capture, in `r3`, N.
