@@ -54,6 +54,11 @@ impl Move {
         Self { from: *from, way, turn, duration_s: (35.0 / 16.0 * longest).max(SHORTEST_S) }
     }
 
+    /// Whether it touches nothing.
+    pub fn is_clear(&self, touches: impl Fn(&Pose) -> bool) -> bool {
+        is_clear(self.duration_s, |t| self.at(t), 0.0, touches)
+    }
+
     /// The motion `time_s` after its start.
     #[must_use]
     pub fn at(&self, time_s: f64) -> RelativeMotion {
@@ -70,18 +75,32 @@ impl Move {
     }
 }
 
+/// Whether a way touches nothing before its end, `at` its motion by time over `duration_s`, seen so much nearer along the
+/// docking axis, m: a ring that sags is not where it is believed.
+fn is_clear(
+    duration_s: f64,
+    at: impl Fn(f64) -> RelativeMotion,
+    nearer_m: f64,
+    touches: impl Fn(&Pose) -> bool,
+) -> bool {
+    (0..LOOKS).all(|i| {
+        let x = at(duration_s * f64::from(i) / f64::from(LOOKS)).x_34;
+        !touches(&Pose::new(x.p - DVec3::X * nearer_m, x.q))
+    })
+}
+
 /// Moves one after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Route {
+    poses: Vec<Pose>,
     moves: Vec<Move>,
     /// How long it takes, s.
     pub duration_s: f64,
 }
 
-/// Poses of a move that are looked at.
-const LOOKS: u32 = 200;
-/// By how much nearer along the docking axis a way is to be clear too, m, the first of these that can be had: a ring
-/// that sags is not where it is believed.
+/// Poses of a way that are looked at.
+const LOOKS: u32 = 300;
+/// By how much nearer along the docking axis a route is to be clear too, m, the first of these that can be had.
 const CLEARANCES_M: [f64; 3] = [0.005, 0.001, 0.0];
 /// How far the mechanisms are drawn apart for a move sideways where they are near each other, m.
 const APART_M: f64 = 0.1;
@@ -93,7 +112,14 @@ impl Route {
         let moves: Vec<Move> =
             poses.windows(2).map(|p| Move::new(&p[0], &p[1], speed_m_s, rate_rad_s)).collect();
         let duration_s = moves.iter().map(|m| m.duration_s).sum();
-        Self { moves, duration_s }
+        Self { poses: poses.to_vec(), moves, duration_s }
+    }
+
+    /// The same way from another beginning near its own.
+    #[must_use]
+    pub fn begun_at(mut self, from: &Pose, [speed_m_s, rate_rad_s]: [f64; 2]) -> Self {
+        self.poses[0] = *from;
+        Self::through(&self.poses, speed_m_s, rate_rad_s)
     }
 
     /// From one relative pose to another, `X_34`, along which nothing touches: straight; or sideways first, at the
@@ -114,15 +140,9 @@ impl Route {
         ];
         let routes = ways.map(|poses| Self::through(poses, speed_m_s, rate_rad_s));
         CLEARANCES_M.into_iter().find_map(|clearance_m| {
-            let nearer = |x: &Pose| touches(&Pose::new(x.p - DVec3::X * clearance_m, x.q));
-            routes.iter().find(|r| r.is_clear(nearer)).cloned()
+            let clear = |r: &&Self| is_clear(r.duration_s, |t| r.at(t), clearance_m, &touches);
+            routes.iter().find(clear).cloned()
         })
-    }
-
-    fn is_clear(&self, touches: impl Fn(&Pose) -> bool) -> bool {
-        let looks = LOOKS * u32::try_from(self.moves.len()).unwrap_or(1);
-        let at = |i: u32| self.at(self.duration_s * f64::from(i) / f64::from(looks)).x_34;
-        (0..=looks).all(|i| !touches(&at(i)))
     }
 
     /// The motion `time_s` after its start.
@@ -153,6 +173,11 @@ pub struct RunUp {
 }
 
 impl RunUp {
+    /// Whether it touches nothing, seen so much nearer along the docking axis, m.
+    pub fn is_clear(&self, nearer_m: f64, touches: impl Fn(&Pose) -> bool) -> bool {
+        is_clear(self.duration_s, |t| self.at(t), nearer_m, touches)
+    }
+
     /// To the present state of `bodies`, within `duration_s`.
     #[must_use]
     pub fn new(bodies: &Programme, duration_s: f64) -> Self {

@@ -560,3 +560,28 @@ mod negative_controls {
         assert!(refused(Defect::Adds).contains("Ports"));
     }
 }
+
+/// Twins that are not finite are not felt, the loop goes on as a lead, and that is told from then on.
+#[test]
+fn invariant_twins_that_are_not_finite_fall_back_and_say_so() {
+    let none = Inputs::default();
+    let mut twin = Twin::new(&docking().believed(), 0.003, Residual::Felt);
+    let mut lead = Lead::new(0.003);
+    let mut stage = Stage::new(2, None);
+    for _ in 0..100 {
+        stage.tick(&mut twin, &none);
+    }
+    assert!(!twin.report().expect("a model").fallen_back);
+    let lost = RelativeMotion { x_34: Pose::new(DVec3::NAN, DQuat::IDENTITY), ..stage.motion };
+    let seen = LoopContext { motion: &lost, ..stage.seen(&none) };
+    assert_eq!(twin.wrench(&seen), None);
+    for _ in 0..50 {
+        let next = stage.motion;
+        let expected = lead.command(&stage.seen(&none), &next);
+        assert_eq!(twin.command(&stage.seen(&none), &next), expected);
+        let (correction, demand) = stage.tick(&mut twin, &none);
+        assert!(correction.is_none_or(|c| c == Ports::default()) && demand.is_finite());
+        let report = twin.report().expect("a model");
+        assert!(report.fallen_back && report.trust <= 0.0 && report.residual.is_finite());
+    }
+}

@@ -132,6 +132,20 @@ impl core::ops::AddAssign for Wrench {
     }
 }
 
+impl core::ops::Sub for Wrench {
+    type Output = Self;
+    fn sub(self, rhs: Self) -> Self {
+        Self { f: self.f - rhs.f, m: self.m - rhs.m }
+    }
+}
+
+impl core::ops::Mul<f64> for Wrench {
+    type Output = Self;
+    fn mul(self, rhs: f64) -> Self {
+        Self { f: self.f * rhs, m: self.m * rhs }
+    }
+}
+
 impl core::ops::Neg for Wrench {
     type Output = Self;
     fn neg(self) -> Self {

@@ -570,6 +570,7 @@ fn oracle_directories_and_files_that_are_there_stay() {
         &["hil", scenario, "--no-rrd", "--set", "run.duration_s=0.05", "--out", "one"],
         &["export", "one", "--format", "csv", "--out", "kept.csv"],
         &["analyze", "stiffness", rig, "--out", "one"],
+        &["rig", "identify", "--rig", "emulated", "--model", rig, "--drive", "kept.csv"],
     ] {
         let done = docktwin(words, at);
         assert_eq!(done.status.code(), Some(2), "{words:?}: {}", said(&done));

@@ -53,6 +53,9 @@ pub trait Clock {
     /// Begins the grid; the next [`Clock::wait`] gives tick 0.
     fn start(&mut self);
 
+    /// Goes on after work that belongs to no tick: on a clock that ran on meanwhile the grid begins anew.
+    fn resume(&mut self) {}
+
     /// Waits for the next tick.
     fn wait(&mut self) -> Wakeup;
 
@@ -166,6 +169,10 @@ impl Clock for RealtimeClock {
         // One period ahead, so that the first wake-up is a wake-up.
         let period_ns = self.grid.period_ns;
         self.grid = Grid::new(period_ns, monotonic_ns() + period_ns);
+    }
+
+    fn resume(&mut self) {
+        self.start();
     }
 
     fn wait(&mut self) -> Wakeup {

@@ -21,8 +21,8 @@ use docktwin_physics::{
 };
 use docktwin_rigport::{
     message::{
-        Capabilities, DriveKind, LEGS, RigCommand, RigMeasurement, RigMode, Status, attitude, six,
-        wrench,
+        Capabilities, DriveKind, LATCHES, LEGS, RigCommand, RigMeasurement, RigMode, Status,
+        attitude, six, wrench,
     },
     rig::{CommandForm, Plant},
 };
@@ -495,14 +495,19 @@ impl<P: RigPlant> EmulatedRig<P> {
     /// What the mechanism's own sensors read; a stick has none.
     fn read_mechanism(&mut self, m: &mut RigMeasurement) {
         let state = self.mounted.state();
-        self.touched |=
-            state.latches.iter().any(|l| l.phase != LatchPhase::Free) || state.losses.total() > 0.0;
+        let reached = state.all_latches().any(|l| l.phase != LatchPhase::Free);
+        self.touched |= reached || state.losses.total() > 0.0;
         if self.mounted.system().mechanism().stick.is_some() {
             return;
         }
         m.capabilities |= Capabilities::LATCHES | Capabilities::RING | Capabilities::JOINED;
-        m.latch_count = state.latches.len() as u32;
-        for (out, latch) in m.latch_phase.iter_mut().zip(&state.latches) {
+        // Three of a mechanism without any, as ever.
+        let latches = match self.mounted.system().mechanism().latch_count() {
+            0 => 3,
+            n => n.min(LATCHES),
+        };
+        m.latch_count = latches as u32;
+        for (out, latch) in m.latch_phase.iter_mut().zip(state.all_latches().take(latches)) {
             *out = latch.phase as u32;
         }
         m.status.set(Status::JOINED, state.captured_s().is_some());

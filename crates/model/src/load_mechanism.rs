@@ -655,6 +655,18 @@ fn is_singular(mut a: [[f64; 6]; 6]) -> bool {
     false
 }
 
+/// A latch is approached, struck and caught in this order.
+pub(crate) fn check_gaps(t: Section<'_, '_, '_>, [approach_m, strike_m, catch_m]: [f64; 3]) {
+    if strike_m < catch_m {
+        let what = format!("is below the catch gap, {catch_m} m");
+        t.refuse("strike_gap_m", what, "a latch is struck before it catches: make it larger");
+    }
+    if approach_m < strike_m {
+        let what = format!("is below the strike gap, {strike_m} m");
+        t.refuse("approach_gap_m", what, "a latch approaches before it is struck: make it larger");
+    }
+}
+
 fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {
     let set = LatchSet {
         azimuths_rad: t.list::<3>("azimuths_deg").map(f64::to_radians),
@@ -669,14 +681,7 @@ fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {
         joined_stiffness_n_m: t.number("joined_stiffness_n_m"),
         joined_damping_n_s_m: t.number("joined_damping_n_s_m"),
     };
-    if set.strike_gap_m < set.catch_gap_m {
-        let what = format!("is below the catch gap, {} m", set.catch_gap_m);
-        t.refuse("strike_gap_m", what, "a latch is struck before it catches: make it larger");
-    }
-    if set.approach_gap_m < set.strike_gap_m {
-        let what = format!("is below the strike gap, {} m", set.strike_gap_m);
-        t.refuse("approach_gap_m", what, "a latch approaches before it is struck: make it larger");
-    }
+    check_gaps(t, [set.approach_gap_m, set.strike_gap_m, set.catch_gap_m]);
     let [a, b, c] = set.azimuths_rad;
     for (x, y) in [(a, b), (b, c), (c, a)] {
         if turn(x, y) < 30f64.to_radians() {

@@ -6,6 +6,7 @@ use docktwin_core::{DQuat, DVec3, Pose};
 
 use crate::keys::read::Section;
 use crate::keys::{SURFACE_KINDS, SurfaceKind};
+use crate::load_mechanism::check_gaps;
 use crate::mechanism::{DockingMechanism, SideGeometry};
 use crate::problem::{Findings, Note, Problem};
 use crate::surface::{
@@ -171,14 +172,7 @@ fn read_latch(s: Section<'_, '_, '_>) -> Latch {
         joined_stiffness_n_m: s.number("joined_stiffness_n_m"),
         joined_damping_n_s_m: s.number("joined_damping_n_s_m"),
     };
-    if latch.strike_gap_m < latch.catch_gap_m {
-        let what = format!("is below the catch gap, {} m", latch.catch_gap_m);
-        s.refuse("strike_gap_m", what, "a latch is struck before it catches: make it larger");
-    }
-    if latch.approach_gap_m < latch.strike_gap_m {
-        let what = format!("is below the strike gap, {} m", latch.strike_gap_m);
-        s.refuse("approach_gap_m", what, "a latch approaches before it is struck: make it larger");
-    }
+    check_gaps(s, [latch.approach_gap_m, latch.strike_gap_m, latch.catch_gap_m]);
     latch
 }
 

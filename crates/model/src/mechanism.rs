@@ -218,6 +218,15 @@ impl ContactLaw {
         }
     }
 
+    /// Exponent n of the normal force `k δⁿ`; 1 of a linear law.
+    #[must_use]
+    pub const fn exponent(&self) -> f64 {
+        match self.normal {
+            NormalLaw::HuntCrossley { exponent, .. } => exponent,
+            NormalLaw::KelvinVoigt { .. } => 1.0,
+        }
+    }
+
     /// The same law with another stiffness and friction, sticking friction included.
     #[must_use]
     pub const fn of_pair(&self, k: f64, friction: f64) -> Self {

@@ -3,7 +3,7 @@
 use docktwin_core::{DVec3, Pose};
 
 use crate::{
-    mechanism::{DockingMechanism, NormalLaw, SideGeometry},
+    mechanism::{DockingMechanism, SideGeometry},
     surface::{CapturedWhen, Surface, SurfaceCore},
 };
 
@@ -51,8 +51,8 @@ impl SurfacePairing {
 }
 
 impl DockingMechanism {
-    /// The ring of a side as a surface: a torus of twice the stiffness of `contact`, so that two rings have that
-    /// one, and of its kinetic friction.
+    /// The ring of a side as a surface: a torus of 2ⁿ times the stiffness of `contact`, so that two rings in series
+    /// have that one, and of its kinetic friction.
     fn ring_surface(&self, side: &SideGeometry) -> Option<Surface> {
         side.has_ring.then(|| Surface {
             name: "ring".to_owned(),
@@ -61,7 +61,7 @@ impl DockingMechanism {
             x_ring: Pose::IDENTITY,
             core: SurfaceCore::Torus { radius: side.ring.mean_radius_m },
             rounding_m: side.ring.section_radius_m,
-            stiffness_n_m: 2.0 * self.contact.stiffness(),
+            stiffness_n_m: self.contact.stiffness() * 2.0_f64.powf(self.contact.exponent()),
             friction: self.contact.friction_kinetic,
         })
     }
@@ -71,10 +71,7 @@ impl DockingMechanism {
     /// counts as a torus; two rings and petals are not among them.
     #[must_use]
     pub fn surface_pairs(&self) -> Vec<SurfacePairing> {
-        let exponent = match self.contact.normal {
-            NormalLaw::HuntCrossley { exponent, .. } => exponent,
-            NormalLaw::KelvinVoigt { .. } => 1.0,
-        };
+        let exponent = self.contact.exponent();
         let lawful = self.candidates().filter(|(a, b)| a.core.may_touch(&b.core));
         lawful.map(|(a, b)| SurfacePairing::of(&a, &b, exponent)).collect()
     }

@@ -154,6 +154,10 @@ pub fn draw(m: &DockingMechanism, draw: MechanismDraw) -> Option<AsBuilt> {
     let friction = d.factor(Kind::Friction, 0, spread.friction, "friction".into());
     out.contact.friction_kinetic *= friction;
     out.contact.friction_static *= friction;
+    for surface in out.active.surfaces.iter_mut().chain(&mut out.passive.surfaces) {
+        surface.stiffness_n_m *= stiffness;
+        surface.friction *= friction;
+    }
     let ring = d.factor(Kind::RingMass, 0, spread.ring_mass, "ring_mass".into());
     out.ring_body.mass_kg *= ring;
     out.ring_body.inertia_kg_m2 *= ring;
@@ -208,6 +212,10 @@ fn place_parts(m: &mut DockingMechanism, d: &mut Drawing, half_width_m: f64) {
         *offsets = (0..count)
             .map(|i| d.place((kind, i), half_width_m, &format!("petal_{name}_{i}"), AT_AZIMUTH))
             .collect();
+    }
+    for (i, latch) in m.own_latches.iter_mut().enumerate() {
+        let axes = ["x", "y", "z"];
+        latch.latch_r += d.place((Kind::Latches, i), half_width_m, &format!("latch_{i}"), axes);
     }
     if m.latches.is_some() {
         m.offsets.latches_m = core::array::from_fn(|i| {

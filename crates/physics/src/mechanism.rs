@@ -160,6 +160,10 @@ impl MechanismState {
         self.latches.iter().chain(&self.further_latches)
     }
 
+    fn latch(&self, i: usize) -> &LatchState {
+        if i < 3 { &self.latches[i] } else { &self.further_latches[i - 3] }
+    }
+
     fn latch_mut(&mut self, i: usize) -> &mut LatchState {
         if i < 3 { &mut self.latches[i] } else { &mut self.further_latches[i - 3] }
     }
@@ -239,13 +243,19 @@ impl MechanismState {
                 j.anchor.iter().chain(&j.preload).for_each(|v| h.vec3(*v));
             }
         }
-        for l in self.further_latches.iter().filter(|l| **l != LatchState::default()) {
+        let further = self.further_latches.iter().enumerate();
+        for (i, l) in further.filter(|(_, l)| **l != LatchState::default()) {
+            h.u64(i as u64);
             h.u64(l.phase as u64);
             l.times_s.iter().for_each(|t| h.f64(t.unwrap_or(-1.0)));
         }
         if let Some(since_s) = self.held_since_s {
             h.f64(since_s);
-            self.held.iter().flatten().for_each(|held| held.hash_into(h));
+            for (i, held) in self.held.iter().enumerate() {
+                let Some(held) = held else { continue };
+                h.u64(i as u64);
+                held.hash_into(h);
+            }
         }
         for (i, rule) in self.rules.iter().enumerate() {
             let (kind, gap_m) = match rule {
@@ -826,6 +836,14 @@ pub fn pair_name(mechanism: &DockingMechanism, pair: usize) -> String {
         }
         pair => pair.to_string(),
     }
+}
+
+/// Names of all pairs of surfaces that a mechanism has numbers for, by their index.
+#[must_use]
+pub fn pair_names(mechanism: &DockingMechanism) -> Vec<String> {
+    let listed = mechanism.surface_pairs();
+    let own = (0..crate::contact::RING_AND_PETAL_PAIRS).map(|i| pair_name(mechanism, i));
+    own.chain(listed.iter().map(DockingMechanism::surface_pair_name)).collect()
 }
 
 /// How many pairs of surfaces a mechanism has numbers for.

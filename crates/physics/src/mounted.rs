@@ -26,6 +26,35 @@ pub struct Ports {
     pub port4: Wrench,
 }
 
+impl core::ops::Add for Ports {
+    type Output = Self;
+    fn add(self, rhs: Self) -> Self {
+        Self { port3: self.port3 + rhs.port3, port4: self.port4 + rhs.port4 }
+    }
+}
+
+impl core::ops::Sub for Ports {
+    type Output = Self;
+    fn sub(self, rhs: Self) -> Self {
+        Self { port3: self.port3 - rhs.port3, port4: self.port4 - rhs.port4 }
+    }
+}
+
+impl core::ops::Mul<f64> for Ports {
+    type Output = Self;
+    fn mul(self, rhs: f64) -> Self {
+        Self { port3: self.port3 * rhs, port4: self.port4 * rhs }
+    }
+}
+
+impl Ports {
+    /// True when every component is a finite number.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.port3.is_finite() && self.port4.is_finite()
+    }
+}
+
 /// Motion of a sensor and gravity at the instant of a reading, in its axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Carried {
@@ -303,6 +332,10 @@ impl Mounted {
         if self.system.rigid() {
             return;
         }
+        // Without weight it stands where it would rest.
+        if self.gravity_m_s2 == DVec3::ZERO && self.hanger.is_none() {
+            return;
+        }
         // Nothing touches far away. Velocity is taken out wherever it has grown: two seconds are
         // longer than any spring of the attenuator needs.
         let far = Pose::from_translation(self.x_wc.p + DVec3::X * 1e3);
@@ -456,7 +489,16 @@ impl Mounted {
         self.state.hash_into(h);
         h.u64(self.steps);
         h.u64(u64::from(self.open));
-        if let Rack::Yields(chaser) | Rack::Accelerates(chaser) = &self.rack {
+        let (kind, chaser) = match &self.rack {
+            Rack::Still => (0, None),
+            Rack::Yields(chaser) => (1, Some(chaser)),
+            Rack::Accelerates(chaser) => (2, Some(chaser)),
+        };
+        if let Some(chaser) = chaser {
+            h.u64(kind);
+            for v in [self.pushed.f, self.pushed.m] {
+                h.vec3(v);
+            }
             h.vec3(chaser.v);
             h.vec3(chaser.w);
         }

@@ -194,8 +194,8 @@ impl Programme {
         out
     }
 
-    /// What the last kick accelerates the chaser by: its mass centre, m/s², and its rotation, rad/s² (without the
-    /// gyroscopic part), in axes of `e1`. Control wrenches are in it.
+    /// Acceleration of the chaser from the last instant on, by the wrench measured there and the control wrench held
+    /// since: of its mass centre, m/s², and angular, rad/s² (without the gyroscopic part), in axes of `e1`.
     #[must_use]
     pub fn chaser_acceleration(&self) -> Twist {
         let b = &self.bodies[0];

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use docktwin_core::{DQuat, DVec3, Pose, SimTime, Tick, Wrench};
-use docktwin_physics::mechanism::{System, pair_count, pair_name};
+use docktwin_physics::mechanism::{System, pair_count, pair_names as pair_names_of};
 use docktwin_record::{Cell, Column, ContactRow, RunReader, TickRecord};
 use docktwin_scenario::Scenario;
 use docktwin_view::{ContactArrow, Energies, Frame, Scalars, SceneModel, SceneWriter, ViewError};
@@ -24,8 +24,7 @@ const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 /// [`docktwin_physics::contact::SurfacePair::from_index`], then the first three latches.
 #[must_use]
 pub fn pair_names(scenario: &Scenario) -> Vec<String> {
-    let m = &scenario.mechanism;
-    let surfaces = (0..pair_count(m)).map(|i| pair_name(m, i));
+    let surfaces = pair_names_of(&scenario.mechanism).into_iter();
     surfaces.chain((1..=3).map(|i| format!("latch {i}"))).collect()
 }
 

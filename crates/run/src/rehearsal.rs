@@ -5,11 +5,7 @@ use std::{collections::BTreeMap, time::Instant as WallInstant};
 use docktwin_core::{SimTime, Tick, Wrench};
 use docktwin_hil::clock::{Clock as _, OverrunPolicy, RealtimeClock};
 use docktwin_physics::{
-    body::BodyState,
-    contact::SurfacePair,
-    mechanism::{System, pair_count},
-    outcome::Judgement,
-    reduced::Inputs,
+    body::BodyState, contact::SurfacePair, mechanism::System, outcome::Judgement, reduced::Inputs,
 };
 use docktwin_record::{Cell, ContactRow, Summary};
 use docktwin_scenario::Scenario;
@@ -18,7 +14,7 @@ use crate::{
     control::{Coasting, Control, Situation, TimedThrusts},
     error::{RunError, SinkError},
     event::RunEvent,
-    observer::{Asked, Observed, Observer, pair_name},
+    observer::{Asked, Observed, Observer},
     progress::Progress,
     provenance::digest_keys,
     setup::{masses, start, tick_digest},
@@ -247,9 +243,7 @@ fn metadata(
 /// Names of the pairs of surfaces of a scenario, by index.
 #[must_use]
 pub fn pair_names(scenario: &Scenario) -> Vec<String> {
-    (0..pair_count(&scenario.mechanism))
-        .map(|i| pair_name(&scenario.mechanism, SurfacePair::from_index(i)))
-        .collect()
+    docktwin_physics::mechanism::pair_names(&scenario.mechanism)
 }
 
 /// Makes rows and events of what was seen, and hands them to a sink.

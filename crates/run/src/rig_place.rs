@@ -191,9 +191,9 @@ pub fn best_effort(report: &RealtimeReport) -> Option<String> {
 /// # Errors
 /// The lead is out of range.
 pub fn compensation(choice: CompensatorChoice, lead_s: f64) -> Result<Compensation, RunError> {
-    if !(0.0..=MOST_LEAD_S).contains(&lead_s) {
+    if choice != CompensatorChoice::None && !(0.0..=MOST_LEAD_S).contains(&lead_s) {
         return Err(RunError::usage(
-            format!("a lead of {lead_s} s"),
+            format!("a lead of {lead_s} s, given or believed by the delays of the rig"),
             format!("give 0 to {} ms with --lead-ms", MOST_LEAD_S * 1e3),
         ));
     }

@@ -18,19 +18,11 @@ use docktwin_rigport::message::six;
 
 use crate::{
     columns::{WITH_RIG, columns_of},
-    signals::{Instant, columns, columns_for},
+    signals::{Instant, columns_for},
 };
 
-/// Columns of a run against a rig: those of a docking, then those of [`loop_row`], which are
+/// Columns of a run of a mechanism against a rig: those of a docking, then those of [`loop_row`], which are
 /// [`crate::columns::WITH_RIG`].
-#[must_use]
-pub fn hil_columns() -> Vec<Column> {
-    let mut out = columns();
-    out.extend(columns_of(WITH_RIG));
-    out
-}
-
-/// As [`hil_columns`], with columns for every latch of a mechanism.
 #[must_use]
 pub fn hil_columns_for(mechanism: &DockingMechanism) -> Vec<Column> {
     let mut out = columns_for(mechanism);

@@ -107,7 +107,8 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "mechanism.contact.friction_kinetic",
         Shape::Maybe(contact::FRICTION),
-        "Overrides the kinetic friction coefficient; 0 switches friction off.",
+        "Overrides the kinetic friction coefficient of rings and petals; 0 switches friction off. Listed surfaces keep \
+         their own.",
     ),
     key(
         "mechanism.contact.friction_static",

@@ -1,5 +1,7 @@
 //! Colours, classes of contact and how forces are drawn.
 
+use docktwin_model::RING_AND_PETAL_PAIRS;
+
 /// Arrows: metres per newton, so that 1 kN is 0.5 m.
 pub(crate) const METRES_PER_NEWTON: f64 = 0.5 / 1000.0;
 
@@ -48,19 +50,18 @@ impl PairClass {
     pub(crate) const ALL: [Self; 5] =
         [Self::RingRing, Self::PetalRing, Self::PetalPetal, Self::Listed, Self::Latch];
 
-    /// From the name of the pair: how often it says "petal", whether it names a latch, or a surface that is neither
-    /// ring nor petal.
+    /// Of pair `i` of `names`: behind those of rings and petals stand those of listed surfaces, whose names users
+    /// choose, and the first three latches last.
+    pub(crate) fn of(names: &[String], i: usize) -> Self {
+        let listed = RING_AND_PETAL_PAIRS..names.len().saturating_sub(3);
+        if listed.contains(&i) { Self::Listed } else { Self::of_name(&names[i]) }
+    }
+
+    /// From the name of a pair of rings and petals, or of a latch: how often it says "petal", whether it names a latch.
     pub(crate) fn of_name(name: &str) -> Self {
         let name = name.to_lowercase();
         if ["latch", "striker", "joint"].iter().any(|w| name.contains(w)) {
             return Self::Latch;
-        }
-        let listed = |part: &str| {
-            let part = part.trim().trim_start_matches("active ").trim_start_matches("passive ");
-            part != "ring" && !part.starts_with("petal")
-        };
-        if name.starts_with("active ") && name.split('·').any(listed) {
-            return Self::Listed;
         }
         match name.matches("petal").count() {
             0 => Self::RingRing,
@@ -142,8 +143,6 @@ mod tests {
             ("active ring · passive petal 2", PairClass::PetalRing),
             ("active petal 0 · passive ring", PairClass::PetalRing),
             ("Active Petal 0 · passive petal 2", PairClass::PetalPetal),
-            ("active probe_head · passive drogue", PairClass::Listed),
-            ("active ring · passive drogue", PairClass::Listed),
             ("latch 1 · striker 1", PairClass::Latch),
         ] {
             assert_eq!(PairClass::of_name(name), class, "{name}");

@@ -490,9 +490,9 @@ impl SceneWriter {
     ) -> Self {
         let m = scene.mechanism;
         let eye = Eye::new(m);
-        let pairs = pair_names.iter().map(|name| Pair {
+        let pairs = pair_names.iter().enumerate().map(|(i, name)| Pair {
             name: name.clone(),
-            class: PairClass::of_name(name),
+            class: PairClass::of(pair_names, i),
             now_n: 0.0,
             now_friction_n: 0.0,
             now_depth_m: 0.0,

@@ -230,6 +230,38 @@ fn model_toml() {
     });
 }
 
+/// The files of a folder on the disk, one of them damaged, as `model check` sees them.
+#[test]
+fn model_check() {
+    let world = World::new();
+    let dir = tempfile::tempdir().expect("a folder");
+    let place = |name: &str| dir.path().join(name);
+    fs::create_dir_all(place("models/urdf")).expect("room");
+    for name in world.files.keys().filter(|n| n.starts_with("models/")) {
+        fs::write(place(name), &world.files[name]).expect("room");
+    }
+    for i in 0..200 {
+        let input = sample(i);
+        let d = if i % 2 == 0 {
+            models::urdf(&world, &input)
+        } else {
+            models::model_toml(&world, &input)
+        };
+        fs::write(place(&d.name), &d.text).expect("room");
+        let judged = catch_unwind(|| {
+            let report = docktwin_model::model_check(&place(&d.name));
+            if !report.problems.is_empty() {
+                world::refused(&report.problems);
+            }
+        });
+        if let Err(why) = judged {
+            eprintln!("{}", shown(&d));
+            resume_unwind(why);
+        }
+        fs::write(place(&d.name), &world.files[&d.name]).expect("room");
+    }
+}
+
 #[test]
 fn scenario_toml() {
     let world = World::new();

@@ -97,7 +97,8 @@ pub(crate) fn refused_run(e: &RunError) -> String {
     }
 }
 
-/// What was accepted has finite numbers and steps for 50 ms, during which it stays finite and makes no energy.
+/// What was accepted has finite numbers and steps for 50 ms, during which it stays finite and does not double its
+/// kinetic energy.
 pub(crate) fn steps(s: &Scenario) -> String {
     let numbers = format!(
         "{:?}{:?}{:?}{:?}{:?}{:?}",

@@ -26,7 +26,7 @@ pub use none::Uncompensated;
 pub use twin::{Believed, Residual, Twin};
 
 /// Latches whose phases a measurement has room for.
-const LATCHES: usize = 8;
+pub const LATCHES: usize = 8;
 
 /// A compensator of the delay of the rig.
 ///

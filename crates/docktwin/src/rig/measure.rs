@@ -66,14 +66,23 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
         dofs: args.dof.iter().map(|d| *d as usize).collect(),
         room_m: args.room_mm * 1e-3,
     };
+    // Before minutes of rig time, not after.
+    if let Some(path) = args.drive.as_ref().filter(|p| p.exists()) {
+        return Err(Failure::Usage {
+            what: format!("{} is there already", path.display()),
+            remedy: "name a new file with --drive, or move that one away".to_owned(),
+        });
+    }
     let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
     let (found, file) = commission::identify(m.stand()?, &m.drive(), &asked, &mut operator)?;
-    let mut words = identified(&found);
+    let done = m.finish(&file, &identified(&found), json)?;
     if let Some(path) = &args.drive {
         write_new(path, &file.drive_table()).map_err(docktwin_run::RunError::from)?;
-        words.push(format!("drive        {}: the table [drive] of a measured rig", path.display()));
+        if !json {
+            println!("drive        {}: the table [drive] of a measured rig", path.display());
+        }
     }
-    m.finish(&file, &words, json)
+    Ok(done)
 }
 
 fn identified(found: &Identification) -> Vec<String> {

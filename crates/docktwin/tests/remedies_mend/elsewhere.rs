@@ -20,6 +20,13 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
         Test("crates/model/src/tests.rs", "regress_impossible_rigs_are_refused_by_geometry"),
     ),
     (
+        &["name a new file with --drive, or move that one away"],
+        Test(
+            "crates/docktwin/tests/same_kinds.rs",
+            "oracle_directories_and_files_that_are_there_stay",
+        ),
+    ),
+    (
         &["add its content, or allow files of the disk"],
         Test("crates/model/src/sources.rs", "invariant_memory_hides_the_disk_and_may_stand_alone"),
     ),
@@ -163,6 +170,10 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "free some space, or set TMPDIR to another folder",
         ],
         Nowhere("they change the machine, or need a user who is not root"),
+    ),
+    (
+        &["take a mechanism with fewer latches for a rig"],
+        Nowhere("no shipped mechanism has more than three"),
     ),
     (
         &["above 0, at most 0.05 m", "at least one"],

@@ -73,8 +73,6 @@ const IDLE_TICKS: usize = 20;
 const WEIGHTLESS_M_S2: f64 = 0.5;
 /// Ticks without an answer before a rig counts as gone.
 const IDLE_PATIENCE: u64 = 200;
-/// Poses of the run-up that are looked at.
-const LOOKS: u32 = 100;
 /// Part of the usual speed in a dry run.
 const DRY_RUN_SPEED: f64 = 0.25;
 
@@ -103,6 +101,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         self.clock.start();
         let mut samples: Vec<RigMeasurement> = Vec::new();
         let mut silent = 0;
+        let mut plan = None;
         while samples.len() < IDLE_TICKS {
             let w = self.clock.wait();
             let got = self.rig.receive(self.setup.patience, self.clock.now_ns());
@@ -124,17 +123,24 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
             let c = self.still(mode, w.due_ns);
             self.rig.send(&c)?;
             self.tick += 1;
+            if 2 * (samples.len() + 1) == IDLE_TICKS && plan.is_none() {
+                // It takes longer than a rig under power may wait.
+                plan = Some(self.stands(&samples).and_then(|from| self.plan(&from)));
+                self.clock.resume();
+            }
         }
         let last = samples[IDLE_TICKS - 1];
         let (mut checks, from) = self.checks(&samples);
-        let plan = from.and_then(|from| self.plan(&from));
-        if from.is_some() {
+        let plan = plan.flatten();
+        // Where the plate stands wrong, the way from there says nothing.
+        if checks.iter().all(|c| c.name != "position" || c.passed) {
             checks.push(approach(plan.is_some()));
         }
         checks.extend(known);
         match (from.zip(plan), Form::of(&last)) {
             (Some((from, plan)), Some(form)) if checks.iter().all(|c| c.passed) => {
                 self.compensator.reset();
+                let plan = Plan { first: plan.first.begun_at(&from, self.speeds()), ..plan };
                 let running = self.at_rest(&from, plan, form, &samples[IDLE_TICKS / 2..]);
                 Ok(self.into_state(|_| Armed { running, checks }))
             }
@@ -181,28 +187,40 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         let s = &self.setup;
         let run_up = RunUp::new(&s.bodies, s.approach.run_up_s);
         let begin = run_up.at(0.0).x_34;
-        let slow = if s.dry_run { DRY_RUN_SPEED } else { 1.0 };
-        let (speed, rate) = (s.approach.speed_m_s * slow, s.approach.rate_rad_s * slow);
+        let [speed, rate] = self.speeds();
         let there = Move::new(&begin, &s.bodies.x_34(), speed, rate);
         let touches = |x: &Pose| s.system.touches_at(x);
         let first = Route::clear([from, &begin], [speed, rate], touches)?;
-        let clear = |i: u32| {
-            let part = f64::from(i) / f64::from(LOOKS);
-            let way = if s.dry_run {
-                there.at(there.duration_s * part)
-            } else {
-                run_up.at(run_up.duration_s * part)
-            };
-            !touches(&way.x_34)
-        };
-        (0..LOOKS).all(clear).then_some(Plan { first, there, run_up })
+        let clear = if s.dry_run { there.is_clear(touches) } else { run_up.is_clear(0.0, touches) };
+        clear.then_some(Plan { first, there, run_up })
+    }
+
+    /// Fastest of the approach, m/s and rad/s.
+    fn speeds(&self) -> [f64; 2] {
+        let s = &self.setup;
+        let slow = if s.dry_run { DRY_RUN_SPEED } else { 1.0 };
+        [s.approach.speed_m_s * slow, s.approach.rate_rad_s * slow]
+    }
+
+    /// Where the mechanisms stand, `X_34`, by the last sample.
+    fn stands(&self, samples: &[RigMeasurement]) -> Option<Pose> {
+        self.plate(samples.last()?).map(|x_bp| self.platform.docking_from_plate(&x_bp))
+    }
+
+    /// Where the plate is measured, `X_bp`; `None` where the lengths belong to no pose, or nothing tells it.
+    fn plate(&self, m: &RigMeasurement) -> Option<Pose> {
+        if m.has(Capabilities::LEG_LENGTH) {
+            let found = self.platform.forward(&m.leg_length_m, &self.platform.middle());
+            found.ok().map(|f| f.x_bp)
+        } else {
+            m.plate()
+        }
     }
 
     /// Conditioning tared at rest: good enough to watch the loads on the way to the tare.
     fn tared(&self, x_bp: &Pose, samples: &[RigMeasurement]) -> Conditioning {
         let s = &self.setup;
-        let q3 = (s.rig.x_b0 * s.rig.x_03).q.conjugate();
-        let ring_weight = q3 * s.rig.gravity_m_s2 * (s.ring_mass_kg * s.rig.uncarried());
+        let ring_weight = s.rig.gravity_in_e3_m_s2() * (s.ring_mass_kg * s.rig.uncarried());
         let mut out = Conditioning::new(s.scheme, s.parameters.payload, ring_weight);
         let q4 = (*x_bp * s.rig.x_4p.inverse()).q.conjugate();
         let still = Carried { gravity: q4 * s.rig.gravity_m_s2, ..Carried::default() };
@@ -219,12 +237,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
     fn checks(&self, samples: &[RigMeasurement]) -> (Vec<Check>, Option<Pose>) {
         let last = &samples[samples.len() - 1];
         let needs_b = self.setup.scheme == SensorScheme::Two;
-        let x_bp = if last.has(Capabilities::LEG_LENGTH) {
-            let found = self.platform.forward(&last.leg_length_m, &self.platform.middle());
-            found.ok().map(|f| f.x_bp)
-        } else {
-            last.plate()
-        };
+        let x_bp = self.plate(last);
         let mut out = vec![
             Check::new("version", true, format!("protocol {}", last.protocol_version)),
             interface(last),

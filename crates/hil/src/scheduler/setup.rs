@@ -15,6 +15,7 @@ use docktwin_physics::{
     body::BodyState, mechanism::System, mounted::Payload, programme::Programme,
 };
 
+use super::IN_FLIGHT;
 use crate::{
     calibrate::{Calibration, accelerometers_ahead_s},
     identify::{Identification, sensor_interface},
@@ -244,6 +245,15 @@ impl LoopSetup {
             });
         }
         let p = &self.parameters;
+        let remembered_s = (IN_FLIGHT - 2) as f64 * tick_s();
+        check(self.scheme == SensorScheme::Single || p.interface_delay_s <= remembered_s, &|| {
+            format!(
+                "two sensors and a delay of {:.1} ms: what sensor B carries is taken off by commands of the last {:.0} ms; \
+                 use one sensor",
+                p.interface_delay_s * 1e3,
+                remembered_s * 1e3
+            )
+        });
         check(p.interface_delay_s.is_finite() && p.accelerometers_ahead_s.is_finite(), &|| {
             "a delay that is not finite: make identification and calibration again".to_owned()
         });

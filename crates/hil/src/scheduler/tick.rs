@@ -1,12 +1,12 @@
 //! One tick of a running loop.
 
 use docktwin_control::{
-    compensation::{Compensator, Measured, Report, Target},
+    compensation::{Compensator, LATCHES, Measured, Report, Target},
     feedforward::PlateMotion,
     safety::{Trip, Watched, half_widths},
     sensing::{Readings, SensorScheme},
 };
-use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist, Wrench};
+use docktwin_core::{DVec3, Digest, Pose, StateHasher, Twist};
 use docktwin_physics::{
     body::BodyState,
     mounted::{Carried, Ports},
@@ -25,6 +25,9 @@ use crate::{
     clock::Clock,
     commands::{Motion, guard, largest, least, write_motion},
 };
+
+// Both ends of the port have room for as many.
+const _: () = assert!(LATCHES == docktwin_rigport::message::LATCHES);
 
 /// Parts of a tick whose times are kept, in this order.
 pub const PHASES: [&str; 6] = ["receive", "condition", "bodies", "command", "safety", "send"];
@@ -494,17 +497,14 @@ impl Running {
         control: &Inputs,
         period_s: f64,
     ) -> RelativeMotion {
-        let taken = correction.map_or(self.ports, |c| Ports {
-            port3: self.ports.port3 + c.port3,
-            port4: self.ports.port4 + c.port4,
-        });
+        let taken = correction.map_or(self.ports, |c| self.ports + *c);
         // The loop is closed in free flight: what is measured then is noise and what the tare left, and
         // comes in gradually.
         #[expect(clippy::cast_precision_loss, reason = "ticks far below 2^53")]
         let share = (self.closed as f64 * period_s / CLOSING_S).min(1.0);
-        let part = |w: &Wrench| Wrench { f: w.f * share, m: w.m * share };
+        let taken = taken * share;
         self.closed += 1;
-        self.bodies.tick(&part(&taken.port3), &part(&taken.port4), control)
+        self.bodies.tick(&taken.port3, &taken.port4, control)
     }
 }
 
@@ -526,7 +526,7 @@ fn measured(m: &RigMeasurement, platform: &Platform, x_bp: &Pose) -> Measured {
     let held = |bit, x: &[f64; 6]| m.has(bit).then_some(*x);
     let leg_speed_m_s = held(C::LEG_SPEED, &m.leg_speed_m_s)
         .or_else(|| m.plate_twist().map(|twist| platform.at(x_bp).rates(&twist)));
-    let mut latches = [None; 8];
+    let mut latches = [None; LATCHES];
     for (latch, phase) in latches.iter_mut().zip(m.latch_phases()) {
         *latch = Some(*phase);
     }

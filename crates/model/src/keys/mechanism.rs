@@ -228,7 +228,7 @@ const SURFACES: Group = Group {
          within reach is refused. At most 48 such pairs, which are 64 with the 16 numbers of rings and petals. A pair stores \
          energy by its two surfaces in series (1/k = 1/k₁ + 1/k₂ for a linear law), and rubs by the geometric mean √(μ₁ μ₂) of \
          both frictions; everything else of its law stands in [contact] of the active side. A ring has \
-         twice the stiffness of [contact], so that two rings have that one.",
+         2ⁿ times the stiffness of [contact], so that two rings have that one.",
     )],
     keys: &[
         key(

@@ -1,7 +1,7 @@
 //! The surfaces of both sides and their pairs.
 
 use docktwin_core::{DVec3, Pose};
-use docktwin_model::{ContactLaw, DockingMechanism, NormalLaw, SideGeometry};
+use docktwin_model::{ContactLaw, DockingMechanism, SideGeometry};
 
 use super::{
     cells::{
@@ -220,10 +220,7 @@ impl Scene {
 
     fn stiffness(&self, a: &Sheet, b: Option<&Sheet>) -> Stiffness {
         let k = law::stiffness(&self.law.normal);
-        let n = match self.law.normal {
-            NormalLaw::HuntCrossley { exponent, .. } => exponent,
-            NormalLaw::KelvinVoigt { .. } => 1.0,
-        };
+        let n = self.law.exponent();
         Stiffness {
             a: k * a.tip_compliance,
             b: b.map_or(0.0, |b| k * b.tip_compliance),

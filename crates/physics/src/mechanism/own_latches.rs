@@ -6,8 +6,8 @@ use docktwin_core::{DVec3, Pose, StateHasher, Twist};
 use docktwin_model::{Latch, MOST_LATCHES};
 
 use super::{
-    Forces, LatchGap, LatchPhase, LatchState, Measured, MechanismState, Midpoint, System,
-    phase_by_gaps, reach, striker_rate,
+    Forces, LatchGap, LatchPhase, Measured, MechanismState, Midpoint, System, phase_by_gaps, reach,
+    striker_rate,
 };
 
 /// A striker held in its latch.
@@ -179,11 +179,5 @@ impl System {
         // This step's kick carries the old force into its second half, over which the energy is the new one's.
         let change = (preload - force).dot(rate) * 0.5 * h;
         state.losses.capture += before - self.own_latch_energy(m, state) + change;
-    }
-}
-
-impl MechanismState {
-    pub(super) fn latch(&self, i: usize) -> &LatchState {
-        if i < 3 { &self.latches[i] } else { &self.further_latches[i - 3] }
     }
 }

@@ -6,6 +6,7 @@ use std::{
 };
 
 use docktwin_control::{
+    planner::RunUp,
     rig::RigSetup,
     safety::{SafetyLimits, half_widths},
     sensing::SensorScheme,
@@ -25,7 +26,7 @@ use docktwin_physics::{
     programme::Programme,
 };
 use docktwin_record::Summary;
-use docktwin_rigport::in_process::InProcess;
+use docktwin_rigport::{in_process::InProcess, message::LATCHES};
 use docktwin_scenario::{CompensatorChoice, Scenario, resolve_path_from};
 
 use super::{Commands, PERIOD_NS, check, seconds};
@@ -213,6 +214,13 @@ impl<'a> HilRun<'a> {
             ));
         }
         let (system, bodies) = start(scenario)?;
+        let latches = scenario.mechanism.latch_count();
+        if latches > LATCHES {
+            return Err(RunError::usage(
+                format!("the mechanism has {latches} latches, and a rig reports at most {LATCHES}"),
+                "take a mechanism with fewer latches for a rig",
+            ));
+        }
         let article = options.mechanism.article(scenario, &system)?;
         refuse_sag(&rig, &article.article.system, &rig_path)?;
         let tick_s = period_s(scenario)?;
@@ -536,12 +544,8 @@ fn run_up_s(system: &System, programme: &Programme) -> f64 {
     let speed = programme.free(0.0).twist.v.length().max(1e-3);
     let [shortest, longest] = RUN_UP_S;
     let most = (2.0 * RUN_UP_M / speed).clamp(shortest, longest);
-    let clear = |time: f64, by_m: f64| {
-        (0..=50).all(|i| {
-            let x = programme.free(-0.5 * time * f64::from(i) / 50.0).x_34;
-            !system.touches_at(&Pose::new(x.p - DVec3::X * by_m, x.q))
-        })
-    };
+    let clear =
+        |time: f64, by_m: f64| RunUp::new(programme, time).is_clear(by_m, |x| system.touches_at(x));
     let times = || {
         let shorter = |t: &f64| (t * 0.8 > shortest).then_some(t * 0.8);
         core::iter::successors(Some(most), shorter).chain([shortest])

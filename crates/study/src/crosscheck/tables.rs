@@ -6,7 +6,7 @@ use std::{
 };
 
 use docktwin_core::{ContactChange, ContactSpan, DVec3, SimTime, Tick};
-use docktwin_physics::contact::{PAIRS, SurfacePair};
+use docktwin_physics::mechanism::pair_names;
 use docktwin_record::{
     Cell, Column, ColumnKind, ContactRow, Event, Policy, RecordError, RunWriter, Summary, files,
     read_table,
@@ -60,14 +60,15 @@ pub fn record(
     .into();
     metadata.extend(digest_keys(&scenario.files).map(|(k, f)| (k, f.digest.to_string())));
     let models = ModelCopies::of(scenario)?;
-    let pair_names = (0..PAIRS).map(|i| SurfacePair::from_index(i).to_string()).collect();
-    let mut writer = RunWriter::create(out, known.clone(), pair_names, &metadata, Policy::Wait)?;
+    let pair_names = pair_names(&scenario.mechanism);
+    let mut writer =
+        RunWriter::create(out, known.clone(), pair_names.clone(), &metadata, Policy::Wait)?;
     models.write(&writer)?;
     writer.scenario_toml(&models.refer(&scenario.as_run_toml()))?;
 
     let rows = table.get("time_s").map_or(0, Vec::len);
     let contacts = contact_rows(&places, &path)?;
-    let mut told_events = Events::default();
+    let mut told_events = Events { pair_names, ..Events::default() };
     let mut row = Vec::with_capacity(known.len());
     for n in 0..rows {
         row.clear();
@@ -145,6 +146,7 @@ fn contact_rows(t: &Table, path: &Path) -> Result<BTreeMap<u64, Vec<ContactRow>>
 /// Events as far as the tables tell them.
 #[derive(Default)]
 struct Events {
+    pair_names: Vec<String>,
     /// By pair.
     touching: BTreeMap<u16, ContactSpan>,
     phases: [u64; 3],
@@ -170,7 +172,7 @@ impl Events {
             self.touching.entry(*pair).or_default();
         }
         for (pair, span) in &mut self.touching {
-            let name = SurfacePair::from_index(usize::from(*pair)).to_string();
+            let name = self.pair_names.get(usize::from(*pair)).cloned().unwrap_or_default();
             match span.observe(time, here.contains(pair)) {
                 Some(ContactChange::Began) => tell(
                     "contact_begin",

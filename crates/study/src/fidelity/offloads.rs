@@ -3,7 +3,7 @@
 //! The hanger is that of the rig's file; share of the weight, friction and moving mass are varied. The loop and
 //! its calibration know the balance, as they know the one of the file.
 
-use docktwin_model::{Offload, static_sag};
+use docktwin_model::{DockingMechanism, Offload, Sag, sag_refusal, static_sag};
 use docktwin_record::Outcome;
 use docktwin_run::{HilOptions, HilRun, RunError};
 use docktwin_scenario::Scenario;
@@ -85,8 +85,14 @@ pub fn offload_map(
         });
     };
     let simulated = run.simulate(docktwin_core::DVec3::ZERO)?.outcome;
+    // The mechanism that stands on the rig, which may be another one than the scenario's.
+    let (system, _) = run.reference();
     let all = lattice();
-    let balances = in_parallel(all.len(), progress, |i| balanced(scenario, options, &own, all[i]))?;
+    let balances = in_parallel(all.len(), progress, |i| {
+        let Balance { share, friction_n, added_mass_kg } = all[i];
+        let offload = Offload { share, friction_n, added_mass_kg, ..own };
+        balanced(scenario, options, system.mechanism(), offload)
+    })?;
     let own =
         Balance { share: own.share, friction_n: own.friction_n, added_mass_kg: own.added_mass_kg };
     Ok(OffloadMap { scenario: scenario.name.clone(), simulated, own, balances })
@@ -107,25 +113,25 @@ fn lattice() -> Vec<Balance> {
 fn balanced(
     scenario: &Scenario,
     options: &HilOptions,
-    own: &Offload,
-    balance: Balance,
+    mechanism: &DockingMechanism,
+    offload: Offload,
 ) -> Result<Balanced, RunError> {
-    let Balance { share, friction_n, added_mass_kg } = balance;
-    let offload = Offload { share, friction_n, added_mass_kg, ..*own };
-    let mut sags = Vec::new();
+    let (mut sags, mut too_much) = (Vec::new(), false);
     let run = HilRun::with_rig(scenario, options.clone(), |rig| {
         rig.offload = Some(offload);
-        sags = static_sag(rig, &scenario.mechanism);
+        sags = static_sag(rig, mechanism);
+        too_much = sag_refusal(rig, mechanism).is_some();
     });
     let largest = |x: &mut dyn Iterator<Item = f64>| x.reduce(f64::max);
-    let sag_share = largest(&mut sags.iter().map(docktwin_model::Sag::travel_share));
-    let brake_share = largest(&mut sags.iter().filter_map(docktwin_model::Sag::brake_share));
-    let too_much = sags.iter().any(|s| s.travel_share() > 1.0);
+    let sag_share = largest(&mut sags.iter().map(Sag::travel_share));
+    let brake_share = largest(&mut sags.iter().filter_map(Sag::brake_share));
     let (on_rig, refused) = match run {
         Ok(run) => (Some(ended(run, &[], scenario)?), None),
         Err(e) if too_much => (None, Some(e.to_string())),
         Err(e) => return Err(e),
     };
     let sag_share = sag_share.filter(|s| s.is_finite());
+    let Offload { share, friction_n, added_mass_kg, .. } = offload;
+    let balance = Balance { share, friction_n, added_mass_kg };
     Ok(Balanced { balance, sag_share, brake_share, refused, on_rig })
 }

@@ -16,7 +16,7 @@ use core::f64::consts::TAU;
 use docktwin_core::{StateHasher, Wrench};
 use docktwin_physics::mounted::Ports;
 
-use super::{plus, share_of, trust::size_n};
+use super::trust::size_n;
 
 /// Corner between slow and fast, Hz.
 const CORNER_HZ: f64 = 8.0;
@@ -45,7 +45,7 @@ fn corner(period_s: f64) -> f64 {
 fn follow(slow: &mut Wrench, x: &Wrench, part: f64) -> Wrench {
     slow.f += (x.f - slow.f) * part;
     slow.m += (x.m - slow.m) * part;
-    *x + -*slow
+    *x - *slow
 }
 
 impl Bands {
@@ -56,7 +56,7 @@ impl Bands {
         let fast = [follow(&mut self.slow[0], m, part), follow(&mut self.slow[1], g, part)];
         let n2 = |w: &Wrench| size_n(w).powi(2);
         let memory = (period_s / MEMORY_S).min(1.0);
-        let residual = fast[0] + -fast[1];
+        let residual = fast[0] - fast[1];
         self.residual_n2 += (n2(&residual) - self.residual_n2) * memory;
         self.both_n2 += (n2(&fast[0]) + n2(&fast[1]) - self.both_n2) * memory;
     }
@@ -73,7 +73,7 @@ impl Bands {
         let slow = &mut self.difference;
         let port3 = follow(&mut slow.port3, &difference.port3, part);
         let port4 = follow(&mut slow.port4, &difference.port4, part);
-        plus(slow, &share_of(share, &Ports { port3, port4 }))
+        *slow + Ports { port3, port4 } * share
     }
 
     pub(super) fn hash_into(&self, h: &mut StateHasher) {

@@ -70,8 +70,7 @@ impl Ground {
         };
         let sensors =
             believed.sensors.as_ref().map(|[a, b]| [sensor(a, on_a), sensor(b, Wrench::ZERO)]);
-        let q3 = (rig.x_b0 * rig.x_03).q.conjugate();
-        let weight = q3 * rig.gravity_m_s2 * (believed.system.ring_mass_kg() * rig.uncarried());
+        let weight = rig.gravity_in_e3_m_s2() * (believed.system.ring_mass_kg() * rig.uncarried());
         let mut out = Self {
             mounted,
             at_rest: (ports, sensors.clone()),
@@ -173,5 +172,9 @@ impl Ground {
         self.mounted.hash_into(h);
         self.mounted.state().reached_catch().iter().for_each(|x| h.u64(u64::from(*x)));
         self.sensors.iter().flatten().for_each(|s| s.hash_into(h));
+        for w in [&self.read.port3, &self.read.port4] {
+            h.vec3(w.f);
+            h.vec3(w.m);
+        }
     }
 }

@@ -22,9 +22,11 @@ mod orbit;
 mod plate;
 mod trust;
 
-use docktwin_core::{StateHasher, Twist, Wrench};
+use docktwin_core::{StateHasher, Twist};
 use docktwin_model::{Rig, SixAxisSensor};
-use docktwin_physics::{mechanism::System, mounted::Ports, programme::RelativeMotion};
+use docktwin_physics::{
+    mechanism::System, mounted::Ports, platform::Platform, programme::RelativeMotion,
+};
 
 use self::{
     bands::Bands, ground::Ground, latches::Latches, orbit::Orbit, plate::Plate, trust::Trust,
@@ -68,7 +70,7 @@ pub enum Residual {
 pub struct Twin {
     lead: Lead,
     residual: Residual,
-    rig: Rig,
+    platform: Platform,
     ground: Ground,
     orbit: Orbit,
     latches: Latches,
@@ -89,7 +91,7 @@ impl Twin {
         Self {
             lead: Lead::new(lead_s),
             residual,
-            rig: believed.rig.clone(),
+            platform: Platform::new(believed.rig),
             ground: Ground::new(believed),
             orbit: Orbit::new(believed),
             latches: Latches::default(),
@@ -106,7 +108,7 @@ impl Twin {
     fn advance(&mut self, seen: &LoopContext<'_>) {
         let ticks = self.tick.map_or(1, |before| seen.tick.saturating_sub(before).max(1));
         self.tick = Some(seen.tick);
-        let bodies = Plate::of_bodies(&self.rig, seen.motion);
+        let bodies = Plate::of_bodies(&self.platform, seen.motion);
         let ground = self.ground.mounted();
         let reached = ground.state().reached_catch();
         let rules = self.latches.rules(&seen.measured.latches, ground.latch_gaps_m(), reached);
@@ -119,28 +121,13 @@ impl Twin {
             self.orbit.draw_joint_to(self.ground.mounted());
         }
         // What the article bears now, free of the sensor's lag; its rate by the orbit twin, which has no noise.
-        let residual = seen.ports.port4 + -self.ground.expected().port4;
-        let rate = self.orbit.ports().port4 + -before;
+        let residual = seen.ports.port4 - self.ground.expected().port4;
+        let rate = self.orbit.ports().port4 - before;
         self.contact = ExpectedContact {
             port4: self.ground.on_article() + residual,
-            rate: Wrench { f: rate.f / seen.period_s, m: rate.m / seen.period_s },
+            rate: rate * (1.0 / seen.period_s),
         };
     }
-}
-
-/// `a − b` at both ports.
-fn less(a: &Ports, b: &Ports) -> Ports {
-    Ports { port3: a.port3 + -b.port3, port4: a.port4 + -b.port4 }
-}
-
-/// `a + b` at both ports.
-fn plus(a: &Ports, b: &Ports) -> Ports {
-    Ports { port3: a.port3 + b.port3, port4: a.port4 + b.port4 }
-}
-
-fn share_of(share: f64, x: &Ports) -> Ports {
-    let part = |w: &Wrench| Wrench { f: w.f * share, m: w.m * share };
-    Ports { port3: part(&x.port3), port4: part(&x.port4) }
 }
 
 impl Compensator for Twin {
@@ -168,25 +155,26 @@ impl Compensator for Twin {
             return None;
         }
         self.advance(seen);
-        let (orbit, ground) = (self.orbit.ports(), self.ground.expected());
-        self.report.residual = less(seen.ports, ground);
+        let (orbit, ground) = (*self.orbit.ports(), *self.ground.expected());
+        if !(orbit.is_finite() && ground.is_finite()) {
+            self.trust.give_up_at_once();
+            self.report =
+                Report { trust: 0.0, trust_fast: 0.0, fallen_back: true, ..Report::default() };
+            return None;
+        }
+        self.report.residual = *seen.ports - ground;
         match self.residual {
-            Residual::LeftOut => Some(less(orbit, seen.ports)),
+            Residual::LeftOut => Some(orbit - *seen.ports),
             Residual::Felt => {
-                let difference = less(orbit, ground);
                 if seen.phase == Phase::Closed && seen.measured.fresh {
                     self.trust.see(&seen.ports.port4, &ground.port4, seen.period_s);
                     self.bands.see(&seen.ports.port4, &ground.port4, seen.period_s);
                 }
-                if !(difference.port3.is_finite() && difference.port4.is_finite()) {
-                    self.trust.give_up();
-                    return None;
-                }
-                let weighed = self.bands.weigh(&difference, seen.period_s);
+                let weighed = self.bands.weigh(&(orbit - ground), seen.period_s);
                 self.report.trust = self.trust.share();
                 self.report.trust_fast = self.bands.fast_share();
                 self.report.fallen_back = self.trust.gave_up();
-                Some(share_of(self.trust.share(), &weighed))
+                Some(weighed * self.trust.share())
             }
         }
     }
@@ -198,7 +186,7 @@ impl Compensator for Twin {
         // The contact is of t_k, and the pose arrives the lead after t_{k+1}.
         let ahead_s = seen.period_s + self.lead.lead_s();
         let ExpectedContact { port4, rate } = self.contact;
-        let port4 = Wrench { f: port4.f + rate.f * ahead_s, m: port4.m + rate.m * ahead_s };
+        let port4 = port4 + rate * ahead_s;
         let contact = (seen.phase == Phase::Closed).then_some(ExpectedContact { port4, rate });
         let pose = Target { motion: next.ahead(self.lead.lead_s()), contact };
         Demand { pose, flow: None, force: None }
@@ -211,6 +199,10 @@ impl Compensator for Twin {
         self.latches.hash_into(&mut h);
         self.trust.hash_into(&mut h);
         self.bands.hash_into(&mut h);
+        for w in [&self.contact.port4, &self.contact.rate] {
+            h.vec3(w.f);
+            h.vec3(w.m);
+        }
         Some(h.finish().short())
     }
 

@@ -1,8 +1,7 @@
 //! Where the plate is and how it moves, between two ticks.
 
 use docktwin_core::{DVec3, Pose, Twist};
-use docktwin_model::Rig;
-use docktwin_physics::programme::RelativeMotion;
+use docktwin_physics::{platform::Platform, programme::RelativeMotion};
 
 /// Pose and motion of the plate at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,13 +14,10 @@ pub(super) struct Plate {
 
 impl Plate {
     /// The plate that shows a relative motion exactly.
-    pub(super) fn of_bodies(rig: &Rig, motion: &RelativeMotion) -> Self {
-        let x_b3 = rig.x_b0 * rig.x_03;
-        let Twist { v, w } = motion.twist;
-        let arm = motion.x_34.q * rig.x_4p.p;
+    pub(super) fn of_bodies(platform: &Platform, motion: &RelativeMotion) -> Self {
         Self {
-            x_bp: rig.plate_from_docking(&motion.x_34),
-            twist: Twist { v: x_b3.q * (v + w.cross(arm)), w: x_b3.q * w },
+            x_bp: platform.plate_from_docking(&motion.x_34),
+            twist: platform.plate_twist(&motion.x_34, &motion.twist),
         }
     }
 

@@ -49,7 +49,7 @@ impl Trust {
     /// Takes a tick in: F4, M4 as measured, and as the ground twin expected.
     pub(super) fn see(&mut self, measured: &Wrench, expected: &Wrench, period_s: f64) {
         let (a, b) = (size_n(measured), size_n(expected));
-        let residual_n = size_n(&(*measured + -*expected));
+        let residual_n = size_n(&(*measured - *expected));
         let (less, more) = (a.min(b), a.max(b));
         let alone = less < PORT_CONTACT_N && more > 2.0 * FLOOR_N;
         let part = (period_s / MEMORY_S).min(1.0);
@@ -78,6 +78,11 @@ impl Trust {
     /// Goes on without.
     pub(super) fn give_up(&mut self) {
         self.fading = Some(self.share());
+    }
+
+    /// Goes on without, from now on: there is nothing that could fade.
+    pub(super) const fn give_up_at_once(&mut self) {
+        self.fading = Some(0.0);
     }
 
     /// Whether it has given up.
