@@ -124,7 +124,7 @@ def test_oracle_roll_lost_to_friction_tends_to_coulomb(rehearse, models, figure)
     for breakaway in (3e-5, 3e-6):
         path, _, columns = rehearse(
             "basic_impact_with_roll", f"mechanism.contact.bristle_breakaway_m={breakaway}",
-            "initial.gap_m=0.005", "run.duration_s=0.4", "run.steps_per_tick=10",
+            "initial.gap_m=0.005", "run.duration_s=0.4",
         )
         scene = read_scene(path, models)
         tele = Telemetry(columns, scene)

@@ -37,4 +37,4 @@ pub use digest::{Digest, StateHasher};
 pub use euler::{Euler, EulerRates};
 pub use frames::{Pose, Twist, Wrench, inertia_world, skew};
 pub use glam::{DMat3, DQuat, DVec3};
-pub use time::{PERIOD_NS, SimTime, Tick};
+pub use time::{FULL_STEPS_PER_MS, PERIOD_NS, REDUCED_STEPS_PER_MS, SimTime, Tick};

@@ -3,6 +3,11 @@ use serde::{Deserialize, Serialize};
 /// Period of the loop with a rig, ns: 1 kHz.
 pub const PERIOD_NS: u64 = 1_000_000;
 
+/// Steps of a tick of 1 ms of the full twin: 0.2 ms each.
+pub const FULL_STEPS_PER_MS: u32 = 5;
+/// Steps of a tick of 1 ms of the reduced twin: 0.1 ms each.
+pub const REDUCED_STEPS_PER_MS: u32 = 10;
+
 /// Number of a tick of the scheduler (1 ms by default), counted from the start of the run.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,

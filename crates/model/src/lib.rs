@@ -60,7 +60,7 @@ pub use drive::{
 };
 pub use keys::contact_ranges;
 pub use load_mechanism::{
-    MatedFit, load_mechanism, load_mechanism_from, load_other_active_from, mated_fit,
+    ChannelKeys, MatedFit, load_mechanism, load_mechanism_from, load_other_active_from, mated_fit,
 };
 pub use load_rig::{load_rig, load_rig_from};
 pub use load_spacecraft::{load_spacecraft, load_spacecraft_from};
@@ -83,7 +83,7 @@ pub use surface::{
 };
 pub use surface_form::SurfaceGrid;
 pub use surface_pairs::SurfacePairing;
-pub use urdf::named_meshes;
+pub use urdf::{named_meshes, principal_moments};
 
 #[cfg(test)]
 mod tests;

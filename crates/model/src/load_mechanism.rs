@@ -409,10 +409,10 @@ fn read_attenuation(t: Section<'_, '_, '_>, ring_rest_offset_m: f64) -> Attenuat
     let damping_ramp_s =
         if damped || t.has("damping_ramp_s") { t.number("damping_ramp_s") } else { 0.0 };
     let characteristic = t.optional_section("characteristic", |c| CharacteristicAttenuator {
-        axial: c.section("axial", |t| read_channel(t, &TRANSLATION)),
-        lateral: c.section("lateral", |t| read_channel(t, &TRANSLATION)),
-        tilt: c.section("tilt", |t| read_channel(t, &ROTATION)),
-        roll: c.section("roll", |t| read_channel(t, &ROTATION)),
+        axial: c.section("axial", |t| read_channel(t, &ChannelKeys::TRANSLATION)),
+        lateral: c.section("lateral", |t| read_channel(t, &ChannelKeys::TRANSLATION)),
+        tilt: c.section("tilt", |t| read_channel(t, &ChannelKeys::ROTATION)),
+        roll: c.section("roll", |t| read_channel(t, &ChannelKeys::ROTATION)),
         damping_ramp_s,
     });
     let differential = t
@@ -435,58 +435,71 @@ fn read_attenuation(t: Section<'_, '_, '_>, ring_rest_offset_m: f64) -> Attenuat
     (default_choice, characteristic, differential)
 }
 
-/// Keys of a channel: the same in metres and newtons, or in degrees, radians and newton metres.
-struct ChannelKeys {
+/// Keys of a channel as files name them: the same in metres and newtons, or in degrees, radians and newton
+/// metres.
+#[derive(Clone, Copy, Debug)]
+pub struct ChannelKeys {
     backlash: Option<&'static str>,
-    loading: &'static str,
-    unloading: &'static str,
+    /// Of [`AxisChannel::loading`], N over m or N·m over rad.
+    pub loading: &'static str,
+    /// Of [`AxisChannel::unloading`], N over m or N·m over rad.
+    pub unloading: &'static str,
     branch_change: &'static str,
-    before: &'static str,
-    after: &'static str,
+    /// Of [`DampingPhases::before_capture`], N·s/m or N·m·s/rad.
+    pub before: &'static str,
+    /// Of [`DampingPhases::after_capture`], N·s/m or N·m·s/rad.
+    pub after: &'static str,
     brake_force: &'static str,
     brake_viscous: &'static str,
-    dry: &'static str,
+    /// Of [`AxisChannel::dry_friction`], N or N·m.
+    pub dry: &'static str,
     negative: &'static str,
     positive: &'static str,
-    stop_stiffness: &'static str,
-    stop_damping: &'static str,
+    /// Of [`AxisChannel::stop_stiffness`], N/m or N·m/rad.
+    pub stop_stiffness: &'static str,
+    /// Of [`AxisChannel::stop_damping`], N·s/m or N·m·s/rad.
+    pub stop_damping: &'static str,
     /// From the unit of lengths in the file to that in the code.
     to_si: f64,
 }
 
-const TRANSLATION: ChannelKeys = ChannelKeys {
-    backlash: Some("width_m"),
-    loading: "loading_n_over_m",
-    unloading: "unloading_n_over_m",
-    branch_change: "branch_change_m",
-    before: "damping_before_capture_n_s_m",
-    after: "damping_after_capture_n_s_m",
-    brake_force: "force_n",
-    brake_viscous: "viscous_n_s_m",
-    dry: "dry_friction_n",
-    negative: "travel_negative_m",
-    positive: "travel_positive_m",
-    stop_stiffness: "stop_stiffness_n_m",
-    stop_damping: "stop_damping_n_s_m",
-    to_si: 1.0,
-};
+impl ChannelKeys {
+    /// Of a channel of lengths, m and N: axial, lateral, and those of differentials.
+    pub const TRANSLATION: Self = Self {
+        backlash: Some("width_m"),
+        loading: "loading_n_over_m",
+        unloading: "unloading_n_over_m",
+        branch_change: "branch_change_m",
+        before: "damping_before_capture_n_s_m",
+        after: "damping_after_capture_n_s_m",
+        brake_force: "force_n",
+        brake_viscous: "viscous_n_s_m",
+        dry: "dry_friction_n",
+        negative: "travel_negative_m",
+        positive: "travel_positive_m",
+        stop_stiffness: "stop_stiffness_n_m",
+        stop_damping: "stop_damping_n_s_m",
+        to_si: 1.0,
+    };
 
-const ROTATION: ChannelKeys = ChannelKeys {
-    backlash: None,
-    loading: "loading_nm_over_rad",
-    unloading: "unloading_nm_over_rad",
-    branch_change: "branch_change_deg",
-    before: "damping_before_capture_nm_s_rad",
-    after: "damping_after_capture_nm_s_rad",
-    brake_force: "force_nm",
-    brake_viscous: "viscous_nm_s_rad",
-    dry: "dry_friction_nm",
-    negative: "travel_negative_deg",
-    positive: "travel_positive_deg",
-    stop_stiffness: "stop_stiffness_nm_rad",
-    stop_damping: "stop_damping_nm_s_rad",
-    to_si: PI / 180.0,
-};
+    /// Of a channel of angles, degrees, rad and N·m: tilt and roll.
+    pub const ROTATION: Self = Self {
+        backlash: None,
+        loading: "loading_nm_over_rad",
+        unloading: "unloading_nm_over_rad",
+        branch_change: "branch_change_deg",
+        before: "damping_before_capture_nm_s_rad",
+        after: "damping_after_capture_nm_s_rad",
+        brake_force: "force_nm",
+        brake_viscous: "viscous_nm_s_rad",
+        dry: "dry_friction_nm",
+        negative: "travel_negative_deg",
+        positive: "travel_positive_deg",
+        stop_stiffness: "stop_stiffness_nm_rad",
+        stop_damping: "stop_damping_nm_s_rad",
+        to_si: PI / 180.0,
+    };
+}
 
 fn read_channel(t: Section<'_, '_, '_>, k: &ChannelKeys) -> AxisChannel {
     let channel = AxisChannel {
@@ -591,7 +604,7 @@ fn read_differential(
     let ring_joints_m = joints("ring_joints_m");
     let rows = t.rows::<6>("coupling");
     let coupling = <[[f64; 6]; 6]>::try_from(rows).ok();
-    let channels = t.sections("channels", |c| read_channel(c, &TRANSLATION));
+    let channels = t.sections("channels", |c| read_channel(c, &ChannelKeys::TRANSLATION));
     let found = channels.len();
     let channels = <[AxisChannel; 6]>::try_from(channels).ok();
     if channels.is_none() {

@@ -343,6 +343,11 @@ pub struct AxisChannel {
     pub stop_damping: f64,
 }
 
+impl AxisChannel {
+    /// Break-away displacement of dry friction, m or rad: within it friction is a spring.
+    pub const DRY_BREAKAWAY: f64 = 2e-4;
+}
+
 /// Damping before and after capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DampingPhases {

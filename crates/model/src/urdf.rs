@@ -825,8 +825,10 @@ pub(crate) fn compose(parts: &[MassProperties]) -> MassProperties {
     MassProperties { mass_kg, com_m, inertia_kg_m2 }
 }
 
-/// Eigenvalues of a symmetric matrix, rising; Jacobi rotations.
-pub(crate) fn principal_moments(m: DMat3) -> [f64; 3] {
+/// Eigenvalues of a symmetric matrix, rising, in its unit: of an inertia in kg·m² its principal moments, kg·m².
+/// Jacobi rotations.
+#[must_use]
+pub fn principal_moments(m: DMat3) -> [f64; 3] {
     let mut a = m.to_cols_array_2d();
     for _ in 0..30 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {

@@ -19,8 +19,6 @@ mod play;
 
 /// Over this far into a stop its damping grows to its full value, m or rad.
 const STOP_ENGAGEMENT: f64 = 1e-3;
-/// Break-away displacement of dry friction in the channels, m or rad.
-const DRY_BREAKAWAY: f64 = 2e-4;
 /// Channels: four in the characteristic model, six in the differential one.
 const CHANNELS: usize = 6;
 
@@ -102,7 +100,7 @@ fn channel(
     let branch = element.branch;
     let ChannelForce { force, lost_w: lost, next } = &mut element.force;
     if dry > 0.0 {
-        let breakaway = if branch > 0.0 { c.branch_change } else { DRY_BREAKAWAY };
+        let breakaway = if branch > 0.0 { c.branch_change } else { AxisChannel::DRY_BREAKAWAY };
         let (mean, end) = bristle(breakaway, state.dry, v, h);
         let f = -mean * dry;
         *force += f;

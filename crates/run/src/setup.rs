@@ -1,6 +1,7 @@
 //! From a scenario to bodies, control wrenches and steps: what every way of running it shares.
 
 use docktwin_core::{DVec3, Digest, StateHasher, Wrench};
+pub use docktwin_core::{FULL_STEPS_PER_MS, REDUCED_STEPS_PER_MS};
 use docktwin_physics::{
     body::BodyState,
     initial::{ContactConditions, Turning, initial_state},
@@ -9,11 +10,6 @@ use docktwin_physics::{
 };
 use docktwin_record::Masses;
 use docktwin_scenario::{Body, Scenario, Thrust, Trigger, TurningBody};
-
-/// Steps of a tick of 1 ms of the full twin: 0.2 ms each.
-pub const FULL_STEPS_PER_MS: u32 = 5;
-/// Steps of a tick of 1 ms of the reduced twin: 0.1 ms each.
-pub const REDUCED_STEPS_PER_MS: u32 = 10;
 
 /// The sides overlap at the start of a scenario.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -31,11 +27,7 @@ pub struct StartOverlap {
 /// Steps of a tick: the scenario's, or `per_ms` of its own for a tick of 1 ms.
 #[must_use]
 pub fn steps_per_tick(scenario: &Scenario, per_ms: u32) -> u32 {
-    scenario.run.steps_per_tick.unwrap_or_else(|| {
-        let per_ms = u64::from(per_ms);
-        let n = (scenario.run.tick_nanos * per_ms).div_ceil(1_000_000);
-        u32::try_from(n).unwrap_or(u32::MAX).max(1)
-    })
+    scenario.run.steps_in_tick(per_ms)
 }
 
 /// Masses of what moves, as the files have them.

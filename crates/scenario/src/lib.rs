@@ -43,6 +43,7 @@ pub use load::{
     Thrust, Trigger, TurningBody, resolve_path, resolve_path_from,
 };
 pub use loader::{Loader, load_scenario};
+pub use stiff::{Moving, Place, TooStiff, too_stiff};
 
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use docktwin_core::{DVec3, Euler};
+use docktwin_core::{DVec3, Euler, FULL_STEPS_PER_MS};
 use docktwin_model::input;
 use docktwin_model::toml_check::{Checker, Table};
 use docktwin_model::{
@@ -14,7 +14,7 @@ use crate::keys::places;
 use crate::load_expect::read_expect;
 use crate::overrides::{self, Patch};
 use crate::read::{count, flag, maybe, number, vector};
-use crate::stiff::Moving;
+use crate::stiff::{Moving, too_stiff};
 
 /// Ticks of a run: some 200 GB of recording, a day in ticks of 1 ms.
 const MOST_TICKS: f64 = 1e8;
@@ -137,6 +137,25 @@ impl RunSettings {
         )]
         let n = (self.duration_s * 1e9 / self.tick_nanos as f64).round() as u64;
         n.max(1)
+    }
+
+    /// Steps of a tick: its own, or those of a twin with `per_ms` steps in a tick of 1 ms, at least one.
+    #[must_use]
+    pub fn steps_in_tick(&self, per_ms: u32) -> u32 {
+        self.steps_per_tick.unwrap_or_else(|| {
+            let n = (self.tick_nanos * u64::from(per_ms)).div_ceil(1_000_000);
+            u32::try_from(n).unwrap_or(u32::MAX).max(1)
+        })
+    }
+
+    /// Longest step that a twin of a rehearsal takes with these settings, s: that of the full twin.
+    #[must_use]
+    pub fn longest_step_s(&self) -> f64 {
+        self.tick_s() / f64::from(self.steps_in_tick(FULL_STEPS_PER_MS))
+    }
+
+    fn tick_s(&self) -> f64 {
+        self.tick_nanos as f64 / 1e9
     }
 }
 
@@ -263,13 +282,10 @@ pub(crate) fn checked(
         let target = load.craft("target.model", &said.target, -1.0);
         let mechanism = load.mechanism(&said);
         if let (Some(chaser), Some(target), Some(mechanism)) = (&chaser, &target, &mechanism) {
-            load.refuse_too_stiff(&Moving {
-                chaser,
-                target,
-                mechanism,
-                tick_s: said.run.tick_nanos as f64 * 1e-9,
-                steps_per_tick: said.run.steps_per_tick,
-            });
+            let initial = &said.initial;
+            let pushed = !said.thrusts.is_empty();
+            let moving = Moving { chaser, target, mechanism, initial, pushed };
+            load.refuse_too_stiff(&moving, &said.run);
         }
         Some(Scenario {
             name: said.name,
@@ -596,26 +612,21 @@ impl Loading<'_> {
         });
     }
 
-    /// What the steps of the run cannot follow. Of files that are wrong otherwise nothing is said.
-    fn refuse_too_stiff(&mut self, moving: &Moving<'_>) {
+    /// What the steps of a rehearsal cannot follow. Of files that are wrong otherwise nothing is said.
+    fn refuse_too_stiff(&mut self, moving: &Moving<'_>, run: &RunSettings) {
         if !self.problems.is_empty() {
             return;
         }
-        for s in moving.too_stiff() {
-            let steps = (moving.tick_s / s.step_s).ceil();
-            let here = s.key.starts_with("mechanism.contact.");
-            let (place, most) = (if here { "" } else { " in the mechanism's file" }, 0.99 * s.most);
+        for s in too_stiff(moving, run.longest_step_s()) {
+            let steps = (run.tick_s() / s.step_s).ceil();
+            let (it, most) = (s.subject(), 0.99 * s.most);
+            let place = s.place.words();
             let remedy = if steps <= MOST_STEPS_PER_TICK {
-                format!("make it {most:.2e} at most{place}, or take run.steps_per_tick = {steps}")
+                format!("make {it} {most:.2e} at most{place}, or take run.steps_per_tick = {steps}")
             } else {
-                format!("make it {most:.2e} at most{place}")
+                format!("make {it} {most:.2e} at most{place}")
             };
-            let what = format!(
-                "acts faster than steps of {} ms can follow on what it moves, at most {:.2e}",
-                s.taken_s * 1e3,
-                s.most
-            );
-            self.refuse(&s.key, format!("{:e}", s.value), &what, &remedy);
+            self.refuse(&s.key, format!("{:e}", s.value), &s.what(), &remedy);
         }
     }
 

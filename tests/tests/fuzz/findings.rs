@@ -46,12 +46,21 @@ fn regress_what_was_accepted_and_then_not_finite() {
                 "damping_after_capture_n_s_m = { value = 1000.0",
                 "damping_after_capture_n_s_m = { value = 1e8",
             )],
-            "mechanism attenuation characteristic lateral damping: acts faster than steps",
+            "mechanism attenuation characteristic lateral damping after capture: acts faster than steps",
         ),
         (
             "scenarios/apas_nominal.toml",
             &[("[initial]", "[mechanism.contact]\nstiffness_n_m = 1e12\n\n[initial]")],
             "mechanism contact stiffness: acts faster than steps",
+        ),
+        // A latch of its own.
+        (
+            "models/urdf/probe_active.toml",
+            &[(
+                "joined_stiffness_n_m = { value = 1000000.0",
+                "joined_stiffness_n_m = { value = 1e9",
+            )],
+            "mechanism latch joined stiffness: acts faster than steps",
         ),
     ];
     let world = &world;
@@ -62,6 +71,23 @@ fn regress_what_was_accepted_and_then_not_finite() {
         let found = said(world, name, &[]);
         assert!(found.starts_with("stepped"), "{name}: {found:?}");
     }
+}
+
+/// Surfaces that files list: of two in series the soft one decides, so both are hard.
+#[test]
+fn regress_listed_surfaces_that_steps_cannot_follow() {
+    let hard = ("stiffness_n_m = { value = 2000000.0", "stiffness_n_m = { value = 1e10");
+    let mut world = World::new();
+    let (probe, drogue) = ("models/urdf/probe_active.toml", "models/urdf/probe_passive.toml");
+    // One of them alone steps.
+    let found = said(&world, drogue, &[hard]);
+    assert!(found.starts_with("stepped"), "{found}");
+    let text = String::from_utf8(world.files[drogue].clone()).expect("text");
+    let text = text.replacen(hard.0, hard.1, 1).into_bytes();
+    world.sources = world.with(drogue, &text);
+    world.files.insert(drogue.to_owned(), text);
+    let found = said(&world, probe, &[hard]);
+    assert!(found.starts_with("mechanism surface stiffness: acts faster than steps"), "{found}");
 }
 
 /// A start for which the plane of first contact is moved out by 1 mm, again and again, each time along the whole

@@ -1042,12 +1042,12 @@ fn scenario() -> Vec<Case> {
             &[&[(S, damped, LAW)], &[(S, damped, both)]],
         ),
         case(
-            "make it {most:.2e} at most{place}, or take run.steps_per_tick = {steps}",
+            "make {it} {most:.2e} at most{place}, or take run.steps_per_tick = {steps}",
             &[(S, LAW, stiff)],
             &[&[(S, stiff, bearable)], &[(S, run, "duration_s = 30.0\nsteps_per_tick = 1000")]],
         ),
         undo(
-            "make it {most:.2e} at most{place}",
+            "make {it} {most:.2e} at most{place}",
             &[(
                 "scenario",
                 LAW,
