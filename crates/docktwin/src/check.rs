@@ -8,7 +8,7 @@ use std::{
 use clap::Subcommand;
 use docktwin_core::{DQuat, DVec3, Pose};
 use docktwin_model::{
-    DockingMechanism, RING_AND_PETAL_PAIRS, SurfacePairing,
+    DockingMechanism, RING_AND_PETAL_PAIRS,
     keys::{self, FileKind},
 };
 use docktwin_physics::contact::Scene;
@@ -106,7 +106,9 @@ fn model_check(file: &Path, mechanism: Option<&Path>, json: bool) -> ExitCode {
     let mut report = docktwin_model::model_check_with(file, mechanism);
     if let Some(mechanism) = report.mechanism.take() {
         let fit = fit_of_surfaces(&mechanism);
-        report.read.extend(docked_gaps(&mechanism));
+        let docked = when_docked(&mechanism);
+        report.read.extend(docked.read);
+        report.flagged.extend(docked.flagged);
         report.read.extend(fit.read);
         report.flagged.extend(fit.flagged);
     }
@@ -142,19 +144,48 @@ fn model_check(file: &Path, mechanism: Option<&Path>, json: bool) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Gap of every pair of listed surfaces when docked, by the surfaces that touch.
-fn docked_gaps(m: &DockingMechanism) -> Vec<String> {
+/// How far surfaces may lie inside each other when docked, m: less is the rounding of a file.
+const ROUNDING_M: f64 = 1e-5;
+
+/// What a mechanism is when docked.
+#[derive(Default)]
+struct WhenDocked {
+    read: Vec<String>,
+    flagged: Vec<String>,
+}
+
+/// Gap of every pair of listed surfaces when docked, and where the strikers of latches with places of their own are.
+fn when_docked(m: &DockingMechanism) -> WhenDocked {
     let planes = m.active.ring.section_radius_m + m.passive.ring.section_radius_m;
     let half_turn = DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0);
     let docked = Pose::new(DVec3::X * planes, half_turn);
     let depths = Scene::new(m).depths(docked, f64::NEG_INFINITY);
-    let pairs = m.surface_pairs();
-    let depths = depths[RING_AND_PETAL_PAIRS..].iter();
-    let line = |(pair, depth): (&SurfacePairing, &f64)| {
+    let mut out = WhenDocked::default();
+    for (pair, depth) in m.surface_pairs().iter().zip(&depths[RING_AND_PETAL_PAIRS..]) {
         let name = DockingMechanism::surface_pair_name(pair);
-        format!("pair {name}: gap when docked = {:.6} m", -depth)
-    };
-    pairs.iter().zip(depths).map(line).collect()
+        out.read.push(format!("pair {name}: gap when docked = {:.6} m", -depth));
+        if *depth > ROUNDING_M {
+            out.flagged.push(format!(
+                "pair {name}: {:.2} mm inside each other when docked: the sides never come that far; make one of \
+                 them smaller, or move it",
+                depth * 1e3
+            ));
+        }
+    }
+    for l in &m.own_latches {
+        let off = docked.transform_point(l.striker_p) - l.latch_r;
+        let (ahead, aside) = (off.x, off.y.hypot(off.z));
+        let name = &l.name;
+        let there = format!("{:.2} mm ahead and {:.2} mm aside", ahead * 1e3, aside * 1e3);
+        out.read.push(format!("latch {name}: striker when docked {there}"));
+        if ahead > l.catch_gap_m || aside > l.lateral_zone_m || ahead < -l.approach_gap_m {
+            out.flagged.push(format!(
+                "latch {name}: its striker is {there} of it when docked, outside its zone: it does not catch as \
+                 docked sides lie; mend latch_m or striker_m"
+            ));
+        }
+    }
+    out
 }
 
 /// What follows from the surfaces that touch.

@@ -123,9 +123,10 @@ fn schemas(a: &RunReader, b: &RunReader) -> Result<Option<String>, Failure> {
 }
 
 /// Whether both are what was recorded, as far as they go: one that is damaged, edited, or beside the summary
-/// of another run is the same as nothing.
+/// or the models of another run is the same as nothing.
 fn as_recorded(a: &RunReader, b: &RunReader) -> bool {
-    [a, b].into_iter().all(|r| r.cut().is_none_or(Cut::merely_ends))
+    let whole = |r: &RunReader| r.cut().is_none_or(Cut::merely_ends);
+    [a, b].into_iter().all(|r| whole(r) && r.changed_files().is_empty())
 }
 
 /// The summary of a run, where it belongs to the log.

@@ -207,6 +207,12 @@ const WEIGHTINGS: u32 = 6;
 const SHORTEST_S: f64 = 1e-5;
 
 impl MeasuredDrive {
+    /// Lag of the fitted loop on slow moves, as `lag_s` counts, s.
+    #[must_use]
+    pub fn fitted_lag_s(&self) -> f64 {
+        self.fitted.delay_s + self.fitted.loop_lag_s() - TICK_S
+    }
+
     /// The loop of second order with a delay (of first order, where that has no stable second one) that is
     /// nearest to a measured response, static gain 1: linear least squares for every delay, and the best
     /// delay. `None` where nothing stable comes near.

@@ -58,6 +58,9 @@ fn read_loop(t: Section<'_, '_, '_>) -> PositionLoop {
 
 /// Most points of a response.
 const MOST_ROWS: usize = 1000;
+/// How far `lag_s` and the lag of the response may be apart: so much, s, and so large a part of it.
+const LEAST_LAG_S: f64 = 0.001;
+const LAG_SHARE: f64 = 0.1;
 /// Frequencies (Hz) and gains that a drive may have been measured at and with.
 const HZ: core::ops::RangeInclusive<f64> = 0.01..=200.0;
 const GAIN: core::ops::RangeInclusive<f64> = 0.01..=10.0;
@@ -90,12 +93,32 @@ fn read_measured(t: Section<'_, '_, '_>) -> MeasuredDrive {
         gain: Complex::from_polar(*gain, deg.to_radians()),
     };
     let response: Vec<_> = rows.iter().map(points).collect();
+    let first = response.first().map_or(0.0, |p| p.hz);
+    if response.len() >= 2 && response.iter().all(|p| (p.hz - first).abs() < 1e-9) {
+        t.refuse(
+            "response_hz_1_deg",
+            format!("has the one frequency of {first} Hz, which tells no delay from a lag"),
+            "give rows of two frequencies or more",
+        );
+        return failed();
+    }
     if response.len() < 2 || !lag_s.is_finite() {
         return failed();
     }
     let found = MeasuredDrive::fit(lag_s, response, acceleration_m_s2);
     match found {
-        Some(fit) if fit.residual <= MOST_RESIDUAL => fit,
+        Some(fit) if fit.residual <= MOST_RESIDUAL => {
+            let of_fit_s = fit.fitted_lag_s();
+            if (of_fit_s - lag_s).abs() > LEAST_LAG_S + LAG_SHARE * lag_s.abs() {
+                t.refuse(
+                    "lag_s",
+                    format!("is not that of the response, which is {:.3} ms late", of_fit_s * 1e3),
+                    "give frequencies in Hz, phases in degrees with late negative, and `delay_s` of the same \
+                     identification",
+                );
+            }
+            fit
+        }
         other => {
             let what = other.map_or_else(
                 || "is near to no stable position loop".to_owned(),

@@ -25,7 +25,7 @@ pub(super) const EXAMPLES: &str = "\
 Every scenario is run in the loop with the emulated rig and compared with the same docking without a
 rig: what the bodies' programme felt, and what the hardware bore. Peaks are over those of the
 simulated system; force and pose are RMS differences over the RMS of the simulated one, from first
-contact to one second after capture, or of the whole run where nothing is captured.
+contact to one second after capture, or of the whole run where that does not hold it.
 
 With --budget one cause after the other is taken out of the rig, and put alone into a rig without
 any: weight of the ring, single-sensor scheme, noise, dead zone and lag of the sensors, dead time

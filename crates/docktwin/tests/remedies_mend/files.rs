@@ -701,6 +701,10 @@ fn drives() -> Vec<Case> {
             &[(M, "  [0.235, 0.9999", "  [0.235, 90.9999")],
         ),
         undo("give 2 to 1000 rows", &[(M, "  [0.235, 0.9999", many)]),
+        undo(
+            "give frequencies in Hz, phases in degrees with late negative, and `delay_s` of the same identification",
+            &[(M, "lag_s = { value = 0.0", "lag_s = { value = 0.03")],
+        ),
         case(
             "leave out frequencies above those that dockings have, 5 Hz, or measure it again with `rig identify`",
             &[(M, ROW, "  [10, 2.828")],
