@@ -44,6 +44,8 @@ pub enum Cause {
     Legs,
     /// The rack stands still where the chaser in orbit gives way, so the ring feels less.
     Rack,
+    /// Halves of a drawn mechanism that do not stand where the files say.
+    Mounts,
 }
 
 /// Fastest sensor and valve of a rig without that cause, Hz.
@@ -56,7 +58,7 @@ const ONE_TICK_S: f64 = 0.001;
 
 impl Cause {
     /// All, in the order of the tables.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Weight,
         Self::SensorScheme,
         Self::Noise,
@@ -67,6 +69,7 @@ impl Cause {
         Self::Valve,
         Self::Legs,
         Self::Rack,
+        Self::Mounts,
     ];
 
     /// Its name in files and on the command line.
@@ -83,6 +86,7 @@ impl Cause {
             Self::Valve => "valve",
             Self::Legs => "legs",
             Self::Rack => "rack",
+            Self::Mounts => "mounts",
         }
     }
 
@@ -115,7 +119,7 @@ impl Cause {
                 rig.offload = Some(ideal);
             }
             // A setting of the loop, and what no file of a rig can say.
-            Self::SensorScheme | Self::Legs | Self::Rack => {}
+            Self::SensorScheme | Self::Legs | Self::Rack | Self::Mounts => {}
             Self::Noise => {
                 sensors(&|s| {
                     s.noise = s.noise.map(|x| x * NEARLY_NONE);
@@ -207,9 +211,12 @@ pub fn on_rig(
 ) -> Result<OnRig, RunError> {
     let mut scenario = scenario.clone();
     scenario.hil.two_sensors |= removed.contains(&Cause::SensorScheme);
-    let run = HilRun::with_rig(&scenario, options.clone(), |rig| {
+    let mut run = HilRun::with_rig(&scenario, options.clone(), |rig| {
         removed.iter().for_each(|cause| cause.remove_from(rig));
     })?;
+    if removed.contains(&Cause::Mounts) {
+        run = run.mounted_as_filed();
+    }
     ended(run, removed, &scenario)
 }
 

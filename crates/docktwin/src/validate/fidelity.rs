@@ -29,9 +29,10 @@ contact to one second after capture, or of the whole run where that does not hol
 
 With --budget one cause after the other is taken out of the rig, and put alone into a rig without
 any: weight of the ring, single-sensor scheme, noise, dead zone and lag of the sensors, dead time
-of the legs, their oil, valves and seals, and the rack, which does not give way as the chaser does
-in orbit. What a cause adds by either way differs where causes interact. That makes 22 runs a
-scenario. With --without the scenarios run once, these causes taken away.
+of the legs, their oil, valves and seals, the rack, which does not give way as the chaser does in
+orbit, and the mounts of a drawn mechanism. What a cause adds by either way differs where causes
+interact. That makes 24 runs a scenario. With --without the scenarios run once, these causes taken
+away.
 
 With --draws the rig's mechanism is drawn N times within [spread] of its file, mounts included, and
 compared with the simulated system that has the drawn mechanism: outcomes, and the distribution of

@@ -30,6 +30,7 @@ pub const fn cause(cause: Cause) -> &'static str {
         Cause::Valve => "lag of the valves",
         Cause::Legs => "legs: oil, valves, seals",
         Cause::Rack => "rack that does not give way",
+        Cause::Mounts => "mounts of a drawn mechanism",
     }
 }
 

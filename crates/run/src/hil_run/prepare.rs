@@ -255,6 +255,13 @@ impl<'a> HilRun<'a> {
         Ok(Self { scenario, options, rig_path, rig, preset, system, bodies, setup, article, known })
     }
 
+    /// The same with both halves of the mechanism standing where the rig's file says, whatever was drawn.
+    #[must_use]
+    pub fn mounted_as_filed(mut self) -> Self {
+        self.article.article.mounts = None;
+        self
+    }
+
     /// The rig emulated in this process, drawn back.
     ///
     /// # Errors
