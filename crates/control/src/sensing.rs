@@ -5,6 +5,7 @@
 //! scheme), which neglects the inertia of the moving part of the active mechanism.
 
 use docktwin_core::{DVec3, Pose, Wrench};
+use docktwin_model::{DeadZoneLaw, SixAxisSensor};
 use docktwin_physics::mounted::{Carried, Payload, Ports};
 
 /// Where F4, M4 come from.
@@ -44,9 +45,35 @@ pub struct Conditioning {
     payload: Payload,
     /// Weight of the ring that no balance carries, N, in `e3`: its moment at sensor A depends on the position of the ring.
     ring_weight: DVec3,
+    /// Thresholds that dead zones take off the readings of A and of B, N and N·m.
+    taken_off: [[f64; 2]; 2],
     tare: Readings,
     sum: Readings,
     samples: u32,
+}
+
+/// The threshold that a dead zone takes off every reading, N and N·m; none where it passes larger ones whole.
+#[must_use]
+pub const fn taken_off(sensor: &SixAxisSensor) -> [f64; 2] {
+    match sensor.dead_zone_law {
+        DeadZoneLaw::Subtractive => sensor.dead_zone,
+        DeadZoneLaw::Zeroing => [0.0; 2],
+    }
+}
+
+/// A reading with the threshold put back. Where it is zero, the force is somewhere within the dead zone.
+fn put_back(w: &Wrench, threshold: [f64; 2]) -> Wrench {
+    each(w, threshold, |x, by| if x == 0.0 { 0.0 } else { x + by.copysign(x) })
+}
+
+/// A reading of what is felt, the threshold taken off.
+fn take_off(w: &Wrench, threshold: [f64; 2]) -> Wrench {
+    each(w, threshold, |x, by| x - x.clamp(-by, by))
+}
+
+fn each(w: &Wrench, [force_n, moment_nm]: [f64; 2], of: impl Fn(f64, f64) -> f64) -> Wrench {
+    let all = |v: DVec3, by: f64| DVec3::new(of(v.x, by), of(v.y, by), of(v.z, by));
+    Wrench { f: all(w.f, force_n), m: all(w.m, moment_nm) }
 }
 
 impl Conditioning {
@@ -54,19 +81,35 @@ impl Conditioning {
     #[must_use]
     pub fn new(scheme: SensorScheme, payload: Payload, ring_weight: DVec3) -> Self {
         let (tare, sum) = (Readings::default(), Readings::default());
-        Self { scheme, payload, ring_weight, tare, sum, samples: 0 }
+        Self { scheme, payload, ring_weight, taken_off: [[0.0; 2]; 2], tare, sum, samples: 0 }
+    }
+
+    /// The same for sensors with dead zones, which take these thresholds off the readings of A and of B
+    /// ([`taken_off`]).
+    #[must_use]
+    pub const fn with_dead_zones(mut self, taken_off: [[f64; 2]; 2]) -> Self {
+        self.taken_off = taken_off;
+        self
+    }
+
+    /// What the sensors felt.
+    fn felt(&self, read: &Readings) -> [Wrench; 2] {
+        [put_back(&read.a, self.taken_off[0]), put_back(&read.b, self.taken_off[1])]
     }
 
     /// What the sensors read with nothing touching, as of the last tare: of B less what it carries.
     #[must_use]
-    pub const fn reference(&self) -> &Readings {
-        &self.tare
+    pub fn reference(&self) -> Readings {
+        let Readings { a, b, ring } = self.tare;
+        let [of_a, of_b] = self.taken_off;
+        Readings { a: take_off(&a, of_a), b: take_off(&b, of_b), ring }
     }
 
     /// Takes a sample for the tare; nothing touches.
     pub fn tare_sample(&mut self, read: &Readings, carried: &Carried) {
-        self.sum.a += read.a;
-        self.sum.b += read.b + -self.payload.wrench(carried);
+        let [a, b] = self.felt(read);
+        self.sum.a += a;
+        self.sum.b += b + -self.payload.wrench(carried);
         self.sum.ring += read.ring;
         self.samples += 1;
     }
@@ -86,11 +129,12 @@ impl Conditioning {
     /// Wrenches at both ports from readings of one instant, at which the mechanisms stood at `x_34`.
     #[must_use]
     pub fn ports(&self, read: &Readings, x_34: &Pose, carried: &Carried) -> Ports {
-        let mut port3 = read.a + -self.tare.a;
+        let [a, b] = self.felt(read);
+        let mut port3 = a - self.tare.a;
         port3.m -= (read.ring - self.tare.ring).cross(self.ring_weight);
         let port4 = match self.scheme {
             SensorScheme::Single => opposite(&port3, x_34),
-            SensorScheme::Two => read.b + -self.tare.b + -self.payload.wrench(carried),
+            SensorScheme::Two => b - self.tare.b - self.payload.wrench(carried),
         };
         Ports { port3, port4 }
     }
@@ -150,6 +194,27 @@ mod tests {
         let by_accelerometers = Carried::felt(v, w, moving.rate);
         let ports = c.ports(&read(&moving), &Pose::IDENTITY, &by_accelerometers);
         assert!(ports.port4.f.length() < 1e-9 && ports.port4.m.length() < 1e-9);
+    }
+
+    /// A sensor with a zero of 20 N and a threshold of 8 N that it takes off: 30 N press, and 30 N pull.
+    #[test]
+    fn oracle_what_a_dead_zone_takes_off_is_put_back() {
+        let reads = |felt_n: f64| {
+            let raw = felt_n + 20.0;
+            let a = Wrench { f: DVec3::X * (raw - raw.clamp(-8.0, 8.0)), m: DVec3::ZERO };
+            Readings { a, ..Readings::default() }
+        };
+        let mut c = Conditioning::new(SensorScheme::Single, Payload::NONE, DVec3::ZERO)
+            .with_dead_zones([[8.0, 1.0], [0.0; 2]]);
+        c.tare_sample(&reads(0.0), &Carried::default());
+        c.tare();
+        for felt_n in [30.0, -30.0, 300.0, -11.0] {
+            let found = c.ports(&reads(felt_n), &Pose::IDENTITY, &Carried::default());
+            assert!((found.port3.f.x - felt_n).abs() < 1e-12, "{felt_n}");
+        }
+        // Within the dead zone nothing is known of it.
+        let found = c.ports(&reads(-15.0), &Pose::IDENTITY, &Carried::default());
+        assert!((found.port3.f.x + 15.0).abs() <= 8.0);
     }
 
     /// A ring that is pushed aside turns its weight about sensor A, and nothing touches for that.

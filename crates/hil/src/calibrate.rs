@@ -7,9 +7,10 @@
 //! Mass, mass centre and inertia enter the wrench linearly; the time by which the reading is later
 //! than the motion turns its phase, and all sines together give one time.
 //!
-//! Sensor A stands still and measures no motion. Its lateness is that of B and what the two differ by in
-//! the same touch: with a light stick in its frame, on the third harmonic of a sine that strikes both
-//! ends, where the plate's inertia is next to nothing.
+//! Sensor A stands still and measures no motion. Its lateness is found in a touch: a light stick in its frame, on the
+//! third harmonic of a sine that strikes both ends, where the plate's inertia is next to nothing. Where there is a
+//! sensor B it is that of B and what the two differ by; without, it is counted from the deflection of the stick, which
+//! follows from the measured positions.
 
 use core::f64::consts::TAU;
 
@@ -64,6 +65,8 @@ pub struct Touch {
     pub amplitude_m: f64,
     /// Frequency, Hz.
     pub hz: f64,
+    /// Free play of the stick to either side, m.
+    pub play_m: f64,
 }
 
 impl CalibrateSetup {
@@ -80,12 +83,15 @@ pub enum CalibrateError {
     /// The drive ended.
     #[error(transparent)]
     Drive(#[from] DriveError),
-    /// A force sensor is missing.
-    #[error(
-        "the rig has no sensor A, or no sensor B (capability bits 12 and 13), and what B carries and how late \
-         it is are what a calibration finds: go without one, a run with sensor A alone takes its own tare"
-    )]
+    /// There is no sensor A.
+    #[error("the rig has no sensor A (capability bit 12), and nothing to calibrate without it")]
     NoSensor,
+    /// There is no sensor B, and no touch.
+    #[error(
+        "the rig has no sensor B (capability bit 13), so that how late A is can be found alone: take a light stick and \
+         touch its frame (--touch-mm), or go without a calibration, a run takes its own tare"
+    )]
+    NothingToFind,
     /// Too few measurements.
     #[error("too few measurements came of a motion: see what delays the rig or the loop")]
     TooFew,
@@ -119,15 +125,24 @@ pub struct Calibration {
     pub place: Pose,
     /// Reading of A with nothing touching: zero and weight of what it carries.
     pub tare_a: Wrench,
-    /// Reading of B without what it carries: its zero.
-    pub zero_b: Wrench,
-    /// What B carries, seen from B.
-    pub payload: Payload,
-    /// From the instant of a position sample to that of a force sample of the same stamp, s, beyond the
-    /// second order of the file: the delay of the sensor's chain. A's only after a touch.
-    pub delay_s: [Option<f64>; 2],
-    /// The same of the accelerometers, where the rig has them.
+    /// From the instant of a position sample to that of a sample of A of the same stamp, s, beyond the second order of
+    /// the file: the delay of the sensor's chain. Only after a touch.
+    pub delay_a_s: Option<f64>,
+    /// Sensor B, where there is one.
+    pub of_b: Option<SensorB>,
+    /// Delay of the accelerometers, where the rig has them.
     pub accelerometer_delay_s: Option<f64>,
+}
+
+/// Sensor B as calibrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorB {
+    /// Its reading without what it carries.
+    pub zero: Wrench,
+    /// What it carries, seen from it.
+    pub payload: Payload,
+    /// As [`Calibration::delay_a_s`].
+    pub delay_s: f64,
     /// Root mean square of what swings with the sines and is not explained, N and N·m.
     pub rest: [f64; 2],
 }
@@ -136,7 +151,8 @@ impl Calibration {
     /// The file's sensor (0: A, 1: B) with its delay as calibrated; as the file says without one.
     #[must_use]
     pub fn sensor(&self, which: usize, file: &SixAxisSensor) -> SixAxisSensor {
-        let delay_s = self.delay_s[which].unwrap_or(file.delay_s);
+        let found = if which == 0 { self.delay_a_s } else { self.of_b.map(|b| b.delay_s) };
+        let delay_s = found.unwrap_or(file.delay_s);
         SixAxisSensor { delay_s, ..*file }
     }
 
@@ -296,8 +312,12 @@ pub fn calibrate<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     setup: &CalibrateSetup,
 ) -> Result<Calibration, CalibrateError> {
-    if !drive.capabilities().contains(Capabilities::SENSOR_A | Capabilities::SENSOR_B) {
+    if !drive.capabilities().contains(Capabilities::SENSOR_A) {
         return Err(CalibrateError::NoSensor);
+    }
+    if !drive.capabilities().contains(Capabilities::SENSOR_B) {
+        let touch = setup.touch.ok_or(CalibrateError::NothingToFind)?;
+        return of_a_alone(drive, setup, &touch);
     }
     let rig = drive.setup().rig.clone();
     let gravity_4 = |x_34: &Pose| (rig.x_b0 * rig.x_03 * *x_34).q.conjugate() * rig.gravity_m_s2;
@@ -331,15 +351,18 @@ pub fn calibrate<R: Rig, K: Clock>(
     let mut out = Calibration {
         place,
         tare_a: tare_a.unwrap_or_default(),
-        zero_b: known.zero,
-        payload: known.payload,
-        delay_s: [None, Some(force.delay_s + known.late_s)],
+        delay_a_s: None,
+        of_b: Some(SensorB {
+            zero: known.zero,
+            payload: known.payload,
+            delay_s: force.delay_s + known.late_s,
+            rest: known.rest,
+        }),
         accelerometer_delay_s,
-        rest: known.rest,
     };
     if let Some(touch) = setup.touch {
         let apart = touch_skew(drive, setup, &touch, &known.unknowns, known.late_s, g4)?;
-        out.delay_s[0] = Some(force.delay_s + known.late_s + apart);
+        out.delay_a_s = Some(force.delay_s + known.late_s + apart);
     }
     Ok(out)
 }
@@ -478,6 +501,61 @@ fn solve(
     })
 }
 
+impl Touch {
+    fn sine(&self, place: &Pose) -> Sine {
+        let steady_s = SETTLE_S + (SINE_S * self.hz).ceil() / self.hz;
+        let Self { dof, amplitude_m: amplitude, hz, .. } = *self;
+        Sine { about: *place, dof, amplitude, hz, ramp_s: 1.0, steady_s }
+    }
+}
+
+/// Tare and lateness of sensor A where there is no B: the force of a stick follows its deflection, which is what the
+/// plate has moved beyond the play.
+fn of_a_alone<R: Rig, K: Clock>(
+    drive: &mut Drive<R, K>,
+    setup: &CalibrateSetup,
+    touch: &Touch,
+) -> Result<Calibration, CalibrateError> {
+    const THIRD: usize = 2;
+    let place = setup.place;
+    let (mean, _) = at_rest(drive, &place)?;
+    let sine = touch.sine(&place);
+    let window = sine.ramp_s + SETTLE_S..sine.ramp_s + sine.steady_s;
+    let mut h = Harmonic::<4>::new(TAU * sine.hz, MULTIPLES);
+    drive.run(
+        sine.duration_s(),
+        |t| sine.at(t),
+        |s| {
+            if window.contains(&s.time_s) {
+                let way = displacement(&place, &s.x_34)[touch.dof];
+                let deflection = way - way.clamp(-touch.play_m, touch.play_m);
+                let a = s.measurement.sensor_a;
+                h.push(s.time_s, &[deflection, a[0], a[1], a[2]]);
+            }
+        },
+    )?;
+    drive.rest(SETTLE_S, |_| ())?;
+    let [deflection, a @ ..] = h.found().ok_or(CalibrateError::TooFew)?.amplitude[THIRD];
+    let rate_rad_s = TAU * sine.hz * 3.0;
+    let turn = sensor_interface(&setup.sensors.force).at(rate_rad_s / TAU).inv();
+    let size = a.iter().map(Complex::norm_sqr).sum::<f64>().sqrt();
+    // Along the axis of the touch alone: the others have no part in it.
+    let read = a[touch.dof] * turn;
+    if size < LEAST_TOUCH_N || deflection.norm() <= 0.0 {
+        return Err(CalibrateError::NoTouch);
+    }
+    // The stick presses with its deflection on A and against it on the plate: the sign is left open.
+    let apart = read * deflection.conj();
+    let apart = if apart.re < 0.0 { -apart } else { apart };
+    Ok(Calibration {
+        place,
+        tare_a: mean[0],
+        delay_a_s: Some(setup.sensors.force.delay_s - apart.arg() / rate_rad_s),
+        of_b: None,
+        accelerometer_delay_s: None,
+    })
+}
+
 /// How much later sensor A is than B, s.
 fn touch_skew<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
@@ -489,9 +567,7 @@ fn touch_skew<R: Rig, K: Clock>(
 ) -> Result<f64, CalibrateError> {
     const MULTIPLE: usize = 3;
     let place = setup.place;
-    let Touch { dof, amplitude_m: amplitude, hz } = *touch;
-    let steady_s = SETTLE_S + (SINE_S * hz).ceil() / hz;
-    let sine = Sine { about: place, dof, amplitude, hz, ramp_s: 1.0, steady_s };
+    let sine = touch.sine(&place);
     let s = swing(drive, &place, &sine, MULTIPLE)?;
     let rows = swing_rows(&s, place.q, gravity_4);
     let b = unlagged(&s.b, s.rate_rad_s, &setup.sensors.force, late_s);

@@ -202,7 +202,11 @@ pub(crate) fn read_spread(t: Section<'_, '_, '_>, drive: &Drive) -> Spread {
             ..Spread::default()
         };
         if drive.hydraulic().is_none() {
-            return Spread { loop_frequency: s.number("loop_frequency"), ..both };
+            return Spread {
+                loop_frequency: s.number("loop_frequency"),
+                loop_damping: s.optional_number("loop_damping").unwrap_or(0.0),
+                ..both
+            };
         }
         Spread {
             flow_gain: s.number("flow_gain"),

@@ -422,6 +422,8 @@ pub struct Spread {
     pub valve_frequency: f64,
     /// Of the natural frequency of the legs' position loops, relative.
     pub loop_frequency: f64,
+    /// Of their damping ratio, relative.
+    pub loop_damping: f64,
     /// Of the dead time, s.
     pub dead_time_s: f64,
 }

@@ -323,9 +323,16 @@ impl PerturbedRig {
             }
             BuiltLegs::Loops([leg, ..]) => {
                 let drawn = |i| {
-                    let factor = 1.0 + rig.spread.loop_frequency * Draws::new(seed, i).uniform();
-                    let hz = leg.natural_frequency_hz * factor;
-                    PositionLoop { natural_frequency_hz: hz, ..leg }
+                    let mut draws = Draws::new(seed, i);
+                    let mut factor = |spread: f64| 1.0 + spread * draws.uniform();
+                    PositionLoop {
+                        natural_frequency_hz: leg.natural_frequency_hz
+                            * factor(rig.spread.loop_frequency),
+                        damping_ratio: leg
+                            .damping_ratio
+                            .map(|z| z * factor(rig.spread.loop_damping)),
+                        ..leg
+                    }
                 };
                 BuiltLegs::Loops([0, 1, 2, 3, 4, 5].map(drawn))
             }

@@ -57,6 +57,7 @@ const SPREAD: Spread = Spread {
     bulk_modulus: 0.1,
     plate_mass: 0.03,
     loop_frequency: 0.0,
+    loop_damping: 0.0,
     valve_frequency: 0.05,
     dead_time_s: 0.0005,
 };

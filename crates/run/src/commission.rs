@@ -331,6 +331,8 @@ pub struct CalibrateOptions {
     pub at_x_m: Option<f64>,
     /// File of `rig identify` whose corrections are applied.
     pub identification: Option<PathBuf>,
+    /// Corrections that are at hand, where there is no file.
+    pub corrections: Option<LegCorrections>,
     /// Swings a stick along Y against both ends of its frame by this much, m.
     pub touch_m: Option<f64>,
 }
@@ -356,17 +358,20 @@ pub fn calibrate(
     let mut setup = CalibrateSetup::at(task.place, sensors);
     setup.tilt_rad = if task.stand.has_stick() { STICK_TILT_RAD } else { TILT_RAD };
     if let Some(amplitude_m) = asked.touch_m {
-        if !task.stand.has_stick() {
-            return Err(RunError::usage(
+        let stick = task.stand.system.mechanism().stick.ok_or_else(|| {
+            RunError::usage(
                 "only a light stick can be touched for this",
                 "give a scenario with a stick, scenarios/vibro_impact.toml is one",
-            ));
-        }
-        setup.touch = Some(Touch { dof: 1, amplitude_m, hz: TOUCH_HZ });
+            )
+        })?;
+        let play_m = stick.play_m();
+        setup.touch = Some(Touch { dof: 1, amplitude_m, hz: TOUCH_HZ, play_m });
         task.may_change_n = TOUCH_N;
     }
     if let Some(path) = &asked.identification {
         task.corrections = identification(path, &task.stand.rig)?.1.corrections();
+    } else if let Some(corrections) = asked.corrections {
+        task.corrections = corrections;
     }
     let found = task.run(&setup, operator)?;
     let file = CalibrationFile::new(task.origin(), &found);

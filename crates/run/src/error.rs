@@ -50,7 +50,8 @@ pub enum RunError {
 }
 
 impl RunError {
-    pub(crate) fn usage(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+    /// Bad input: what is wrong, and what to do about it.
+    pub fn usage(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { what: what.into(), remedy: remedy.into() }
     }
 

@@ -4,7 +4,7 @@
 use core::{fmt, str::FromStr};
 use std::{path::Path, time::Duration};
 
-use docktwin_control::compensation::{Compensation, MOST_LEAD_S, Residual};
+use docktwin_control::compensation::{Compensation, MOST_LEAD_S, Order, Published, Residual};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::Clock,
@@ -197,9 +197,18 @@ pub fn compensation(choice: CompensatorChoice, lead_s: f64) -> Result<Compensati
             format!("give 0 to {} ms with --lead-ms", MOST_LEAD_S * 1e3),
         ));
     }
+    let published = |method| Compensation::Published { method, lead_s };
     Ok(match choice {
         CompensatorChoice::None => Compensation::None,
         CompensatorChoice::Lead => Compensation::Lead(lead_s),
+        CompensatorChoice::ForceLead => published(Published::ForceLead),
+        CompensatorChoice::Pe1 => published(Published::Polynomial(Order::First)),
+        CompensatorChoice::Pe2 => published(Published::Polynomial(Order::Second)),
+        CompensatorChoice::Pe3 => published(Published::Polynomial(Order::Third)),
+        CompensatorChoice::StateForceInverse => published(Published::StateForceInverse),
+        CompensatorChoice::SmithLead => published(Published::SmithLead),
+        CompensatorChoice::SmithDob => published(Published::SmithDob),
+        CompensatorChoice::PriorForce => published(Published::PriorForce),
         CompensatorChoice::Twin => Compensation::Twin { lead_s, residual: Residual::Felt },
         CompensatorChoice::TwinModelOnly => {
             Compensation::Twin { lead_s, residual: Residual::LeftOut }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, Wrench};
 use docktwin_hil::{
-    calibrate::Calibration,
+    calibrate::{Calibration, SensorB},
     identify::{Identification, LegPass, Pass, ResponsePoint, ValvePass},
 };
 use docktwin_model::{HydraulicPreset, Rig};
@@ -235,28 +235,36 @@ pub struct CalibrationFile {
     pub tare_a_n: [f64; 3],
     /// The same, moments, N·m.
     pub tare_a_nm: [f64; 3],
-    /// Zero of B, N.
-    pub zero_b_n: [f64; 3],
+    /// Zero of B, N. What is of B is missing where there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub zero_b_n: Option<[f64; 3]>,
     /// The same, moments, N·m.
-    pub zero_b_nm: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub zero_b_nm: Option<[f64; 3]>,
     /// What B carries, kg.
-    pub payload_mass_kg: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub payload_mass_kg: Option<f64>,
     /// Its mass centre from B, m.
-    pub payload_com_m: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub payload_com_m: Option<[f64; 3]>,
     /// Its inertia about its mass centre, kg·m².
-    pub payload_inertia_kg_m2: [[f64; 3]; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub payload_inertia_kg_m2: Option<[[f64; 3]; 3]>,
     /// Delay of A's readings against positions of the same stamp, beyond its second order, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub delay_a_s: Option<f64>,
     /// The same of B.
-    pub delay_b_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_b_s: Option<f64>,
     /// The same of the accelerometers, where the rig has them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub delay_accelerometers_s: Option<f64>,
-    /// What is left unexplained, root mean square, N.
-    pub rest_n: f64,
+    /// What is left unexplained of B, root mean square, N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rest_n: Option<f64>,
     /// The same, moments, N·m.
-    pub rest_nm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rest_nm: Option<f64>,
 }
 
 /// A file as read.
@@ -341,8 +349,8 @@ impl RigFile for CalibrationFile {
 
     fn numbers(&self) -> Vec<(String, f64, [f64; 2])> {
         let mut out = vec![
-            ("payload_mass_kg".to_owned(), self.payload_mass_kg, [1e-6, 1e6]),
-            ("delay_b_s".to_owned(), self.delay_b_s, [-0.01, 0.1]),
+            ("payload_mass_kg".to_owned(), self.payload_mass_kg.unwrap_or(1.0), [1e-6, 1e6]),
+            ("delay_b_s".to_owned(), self.delay_b_s.unwrap_or(0.0), [-0.01, 0.1]),
             ("delay_a_s".to_owned(), self.delay_a_s.unwrap_or(0.0), [-0.01, 0.1]),
             (
                 "delay_accelerometers_s".to_owned(),
@@ -353,11 +361,12 @@ impl RigFile for CalibrationFile {
         let vectors = [
             ("tare_a_n", self.tare_a_n),
             ("tare_a_nm", self.tare_a_nm),
-            ("zero_b_n", self.zero_b_n),
-            ("zero_b_nm", self.zero_b_nm),
-            ("payload_com_m", self.payload_com_m),
+            ("zero_b_n", self.zero_b_n.unwrap_or_default()),
+            ("zero_b_nm", self.zero_b_nm.unwrap_or_default()),
+            ("payload_com_m", self.payload_com_m.unwrap_or_default()),
         ];
-        let rows = self.payload_inertia_kg_m2.map(|r| ("payload_inertia_kg_m2", r));
+        let inertia = self.payload_inertia_kg_m2.unwrap_or_default();
+        let rows = inertia.map(|r| ("payload_inertia_kg_m2", r));
         for (key, v) in vectors.into_iter().chain(rows) {
             out.extend(v.map(|x| (key.to_owned(), x, [-1e6, 1e6])));
         }
@@ -567,23 +576,24 @@ impl CalibrationFile {
     /// Of sensors as calibrated.
     #[must_use]
     pub fn new(origin: Origin, found: &Calibration) -> Self {
-        let i = found.payload.inertia_kg_m2.transpose().to_cols_array_2d();
+        let b = found.of_b;
         Self {
             schema: SCHEMA,
             kind: Self::KIND.to_owned(),
             origin,
             tare_a_n: found.tare_a.f.to_array(),
             tare_a_nm: found.tare_a.m.to_array(),
-            zero_b_n: found.zero_b.f.to_array(),
-            zero_b_nm: found.zero_b.m.to_array(),
-            payload_mass_kg: found.payload.mass_kg,
-            payload_com_m: found.payload.com_m.to_array(),
-            payload_inertia_kg_m2: i,
-            delay_a_s: found.delay_s[0],
-            delay_b_s: found.delay_s[1].unwrap_or(0.0),
+            zero_b_n: b.map(|b| b.zero.f.to_array()),
+            zero_b_nm: b.map(|b| b.zero.m.to_array()),
+            payload_mass_kg: b.map(|b| b.payload.mass_kg),
+            payload_com_m: b.map(|b| b.payload.com_m.to_array()),
+            payload_inertia_kg_m2: b
+                .map(|b| b.payload.inertia_kg_m2.transpose().to_cols_array_2d()),
+            delay_a_s: found.delay_a_s,
+            delay_b_s: b.map(|b| b.delay_s),
             delay_accelerometers_s: found.accelerometer_delay_s,
-            rest_n: found.rest[0],
-            rest_nm: found.rest[1],
+            rest_n: b.map(|b| b.rest[0]),
+            rest_nm: b.map(|b| b.rest[1]),
         }
     }
 
@@ -595,15 +605,23 @@ impl CalibrationFile {
         Calibration {
             place: self.origin.place(),
             tare_a: wrench(self.tare_a_n, self.tare_a_nm),
-            zero_b: wrench(self.zero_b_n, self.zero_b_nm),
-            payload: Payload {
-                mass_kg: self.payload_mass_kg,
-                com_m: DVec3::from_array(self.payload_com_m),
-                inertia_kg_m2: DMat3::from_cols_array_2d(&self.payload_inertia_kg_m2).transpose(),
-            },
-            delay_s: [self.delay_a_s, Some(self.delay_b_s)],
+            delay_a_s: self.delay_a_s,
+            of_b: self.of_b(&wrench),
             accelerometer_delay_s: self.delay_accelerometers_s,
-            rest: [self.rest_n, self.rest_nm],
         }
+    }
+
+    /// Sensor B; `None` where the file does not have all of it.
+    fn of_b(&self, wrench: &impl Fn([f64; 3], [f64; 3]) -> Wrench) -> Option<SensorB> {
+        Some(SensorB {
+            zero: wrench(self.zero_b_n?, self.zero_b_nm?),
+            payload: Payload {
+                mass_kg: self.payload_mass_kg?,
+                com_m: DVec3::from_array(self.payload_com_m?),
+                inertia_kg_m2: DMat3::from_cols_array_2d(&self.payload_inertia_kg_m2?).transpose(),
+            },
+            delay_s: self.delay_b_s?,
+            rest: [self.rest_n?, self.rest_nm?],
+        })
     }
 }

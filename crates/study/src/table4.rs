@@ -80,6 +80,12 @@ impl Axis {
         Self::ALL[self.0].0
     }
 
+    /// 0 to 5 for X, Y, Z, roll, pitch, yaw.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self.0
+    }
+
     /// True for a rotation.
     #[must_use]
     pub const fn turns(self) -> bool {
@@ -112,8 +118,11 @@ pub struct VibroTest {
     pub axis: Axis,
     /// Spacecraft and stick.
     pub system: System,
+    /// The same as the loop believes it.
+    pub believed: System,
     /// The spacecraft in the middle of the frame, moving.
     pub bodies: [BodyState; 3],
+    spacecraft: [Spacecraft; 2],
     docked_m: f64,
     lever_m: f64,
     play_m: f64,
@@ -156,7 +165,27 @@ impl VibroTest {
         };
         let mut bodies = [at(CHASER, -1.0), at(RING, 0.0), at(TARGET, 1.0)];
         system.follow(&mut bodies);
-        Some(Self { row, axis: *axes.first()?, system, bodies, docked_m, lever_m, play_m })
+        let axis = *axes.first()?;
+        let believed = system.clone();
+        let spacecraft = [chaser, body];
+        Some(Self { row, axis, system, believed, bodies, spacecraft, docked_m, lever_m, play_m })
+    }
+
+    /// The same test with a stick that the loop does not know: `stiffness` times as stiff, and with `play_m` more
+    /// play to either side. It is judged by what it has.
+    #[must_use]
+    pub fn with_stick(&self, stiffness: f64, play_m: f64) -> Self {
+        let mut out = self.clone();
+        let mut mechanism = self.system.mechanism().clone();
+        if let Some(stick) = &mut mechanism.stick {
+            stick.stiffness_n_m *= stiffness;
+            stick.frame_opening_m += 2.0 * play_m;
+            out.row.stiffness_n_m = stick.stiffness_n_m;
+            out.play_m = stick.play_m();
+            let [chaser, target] = &self.spacecraft;
+            out.system = System::new(chaser, target, mechanism);
+        }
+        out
     }
 
     /// Free flight that may lead to the start: the stick stays clear of its frame, s.
@@ -369,7 +398,7 @@ impl VibroTest {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks")]
         let ticks = (self.duration_s(s.contacts) / tick_s) as u64;
         let parameters = s.parameters.unwrap_or_else(|| RigParameters::new(rig, None, None));
-        LoopSetup::builder(rig, s.preset, &self.system, &self.bodies)
+        LoopSetup::builder(rig, s.preset, &self.believed, &self.bodies)
             .parameters(parameters)
             .compensation(s.compensation)
             .sensors(s.scheme)

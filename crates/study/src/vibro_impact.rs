@@ -30,7 +30,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod commissioned;
 mod place;
+mod unknown;
 
 use core::{fmt, str::FromStr, time::Duration};
 
@@ -40,6 +42,7 @@ use docktwin_control::{
 };
 use docktwin_core::PERIOD_NS;
 use docktwin_hil::{
+    calibrate::Calibration,
     clock::{Clock, VirtualClock},
     emulated::{EmulatedRig, EmulationError},
     identify::Identification,
@@ -51,10 +54,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Progress,
+    parallel::in_parallel,
     table4::{Axis, Contact, Row, Sample, TABLE_4, VibroError, VibroRun, VibroSettings, VibroTest},
 };
 
-pub use self::place::{PlacedTestError, StickModels, on_rig};
+pub use self::{
+    commissioned::commissioned,
+    place::{PlacedTestError, StickModels, on_rig},
+    unknown::{Unknown, in_corner},
+};
 
 /// Rows that the paper has; one more, at 5 Hz, is docktwin's.
 pub const PAPER_CASES: usize = 6;
@@ -121,6 +129,8 @@ pub struct VibroOptions {
     pub compensation: Compensation,
     /// What is believed of the rig besides its file, as `rig identify` found it.
     pub identification: Option<Identification>,
+    /// What `rig calibrate` found of its sensors.
+    pub calibration: Option<Calibration>,
     /// Where F4, M4 come from.
     pub scheme: SensorScheme,
     /// Contacts to run through in each test, 1 to 1000.
@@ -131,6 +141,8 @@ pub struct VibroOptions {
     pub preset: Option<HydraulicPreset>,
     /// Seed of the sensors' noise; drawn rigs have the seeds after it.
     pub seed: u64,
+    /// What an emulated rig has and the loop does not believe.
+    pub unknown: Unknown,
 }
 
 impl VibroOptions {
@@ -143,11 +155,13 @@ impl VibroOptions {
             cases: (1..=PAPER_CASES).collect(),
             compensation,
             identification: None,
+            calibration: None,
             scheme: SensorScheme::Single,
             contacts: 1,
             draws: 0,
             preset: None,
             seed: 0,
+            unknown: Unknown::NOTHING,
         }
     }
 
@@ -184,7 +198,20 @@ impl VibroOptions {
             self.scheme == SensorScheme::Single || rig.sensors.is_some_and(|s| s.plate_force),
             format!("{} has no sensor B: take the sensors \"single\"", rig.name),
         );
+        problems.extend(self.unknown.problems());
         if problems.is_empty() { Ok(()) } else { Err(problems) }
+    }
+
+    /// The drawn rig with index `i`, from 0.
+    #[must_use]
+    pub const fn draw(&self, i: usize) -> RigDraw {
+        RigDraw::Seed(self.seed.wrapping_add(i as u64 + 1))
+    }
+
+    /// What is believed of the rig.
+    #[must_use]
+    pub fn parameters(&self, rig: &Rig) -> RigParameters {
+        RigParameters::new(rig, self.identification.as_ref(), self.calibration.as_ref())
     }
 
     /// How one test is run. `session` is the number of the run at the port.
@@ -192,7 +219,7 @@ impl VibroOptions {
     pub fn settings(&self, rig: &Rig, session: u64, patience: Duration) -> VibroSettings {
         VibroSettings {
             preset: rig.preset(self.preset),
-            parameters: Some(RigParameters::new(rig, self.identification.as_ref(), None)),
+            parameters: Some(self.parameters(rig)),
             compensation: self.compensation,
             scheme: self.scheme,
             contacts: self.contacts,
@@ -416,6 +443,12 @@ pub struct DrawStatistics {
     pub r_t_mean: f64,
     /// Largest deviation of R_T.
     pub r_t_worst: f64,
+    /// Largest deviation of the peak force.
+    pub peak_worst: f64,
+    /// Mean of NRMS of the force.
+    pub nrms_force_mean: f64,
+    /// Largest NRMS of the force.
+    pub nrms_force_worst: f64,
 }
 
 impl VibroFigures {
@@ -428,12 +461,17 @@ impl VibroFigures {
         }
         #[expect(clippy::cast_precision_loss, reason = "a count of rigs")]
         let n = judged.len() as f64;
-        let of = |ratio: fn(&ContactFigures) -> f64| {
-            let sizes = || judged.iter().map(|c| (ratio(c) - 1.0).abs());
+        let of = |off: fn(&ContactFigures) -> f64| {
+            let sizes = || judged.iter().map(|c| off(c).abs());
             (sizes().sum::<f64>() / n, crate::number::largest(sizes()))
         };
-        let ((r_e_mean, r_e_worst), (r_t_mean, r_t_worst)) = (of(|c| c.r_e), of(|c| c.r_t));
+        let (r_e_mean, r_e_worst) = of(|c| c.r_e - 1.0);
+        let (r_t_mean, r_t_worst) = of(|c| c.r_t - 1.0);
+        let (nrms_force_mean, nrms_force_worst) = of(|c| c.nrms_force);
         Some(DrawStatistics {
+            peak_worst: of(|c| c.peak_force_ratio - 1.0).1,
+            nrms_force_mean,
+            nrms_force_worst,
             rigs: self.draws.len(),
             judged: judged.len(),
             r_e_mean,
@@ -609,11 +647,11 @@ impl Tested<'_> {
 }
 
 /// Runs one test, on the rig of the file and on every drawn one.
-fn test<'a, E>(
+fn test<'a, E: Send>(
     models: &VibroModels<'_>,
     options: &'a VibroOptions,
     (axes, case): (&'a AxisSet, usize),
-    run: &mut impl FnMut(&VibroTest, RigDraw) -> Result<TestRun, E>,
+    run: &(impl Fn(&VibroTest, RigDraw) -> Result<TestRun, E> + Sync),
 ) -> Result<Tested<'a>, VibroImpactError<E>> {
     let row = TABLE_4[case - 1];
     let no_stick = || VibroImpactError::NoStick { mechanism: models.stick.name.clone() };
@@ -621,11 +659,11 @@ fn test<'a, E>(
     let test =
         VibroTest::new(row, axes.axes(), models.spacecraft, models.stick).ok_or_else(no_stick)?;
     let TestRun { run: on_file, timing } = run(&test, RigDraw::File)?;
-    let mut draws = Vec::new();
-    for i in 1..=u64::from(options.draws) {
-        let drawn = run(&test, RigDraw::Seed(options.seed.wrapping_add(i)))?.run;
-        draws.push(drawn.contacts.first().map(ContactFigures::from));
-    }
+    let draws = in_parallel(options.draws as usize, &mut (), |i| {
+        let draw = options.draw(i);
+        let drawn = run(&options.unknown.test(&test, draw), draw)?.run;
+        Ok::<_, E>(drawn.contacts.first().map(ContactFigures::from))
+    })?;
     Ok(Tested {
         axes,
         case,
@@ -643,11 +681,11 @@ fn test<'a, E>(
 ///
 /// # Errors
 /// See [`VibroImpactError`].
-pub fn vibro_impact<E>(
+pub fn vibro_impact<E: Send>(
     models: &VibroModels<'_>,
     options: &VibroOptions,
     progress: &mut dyn Progress,
-    mut run: impl FnMut(&VibroTest, RigDraw) -> Result<TestRun, E>,
+    run: impl Fn(&VibroTest, RigDraw) -> Result<TestRun, E> + Sync,
 ) -> Result<VibroImpact, VibroImpactError<E>> {
     options.check(models.rig).map_err(VibroImpactError::Options)?;
     let plan: Vec<(&AxisSet, usize)> =
@@ -655,7 +693,7 @@ pub fn vibro_impact<E>(
     let (mut records, mut tests) = (Vec::new(), Vec::new());
     let of = u64::try_from(plan.len()).unwrap_or(u64::MAX);
     for (done, what) in (1..).zip(plan) {
-        let tested = test(models, options, what, &mut run)?;
+        let tested = test(models, options, what, &run)?;
         records.push(tested.record());
         tests.push(tested.figures());
         progress.at(done, of);
@@ -735,7 +773,8 @@ pub fn emulated_rig(
     };
     let preset = rig.preset(options.preset);
     let rest = rig.docking.pose([0.0; 6]);
-    EmulatedRig::new(rig, preset, built, options.seed, test.system.clone(), &rest)
+    let rig = options.unknown.rig(rig, draw);
+    EmulatedRig::new(&rig, preset, built, options.seed, test.system.clone(), &rest)
 }
 
 #[cfg(test)]

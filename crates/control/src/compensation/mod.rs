@@ -15,6 +15,7 @@
 mod context;
 mod lead;
 mod none;
+mod published;
 mod twin;
 
 use docktwin_core::Wrench;
@@ -23,6 +24,7 @@ use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 pub use context::{LoopContext, Measured, Phase};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
+pub use published::{Order, Published, PublishedMethod};
 pub use twin::{Believed, Residual, Twin};
 
 /// Latches whose phases a measurement has room for.
@@ -145,6 +147,13 @@ pub enum Compensation {
     None,
     /// `x + τ v`: the lead τ in seconds, 0 to [`MOST_LEAD_S`].
     Lead(f64),
+    /// A method of the literature.
+    Published {
+        /// Which.
+        method: Published,
+        /// Lag of plate and sensor together, which it undoes, s, 0 to [`MOST_LEAD_S`].
+        lead_s: f64,
+    },
     /// Two twins correct the wrenches, a lead the command.
     Twin {
         /// The lead, s, 0 to [`MOST_LEAD_S`].
@@ -161,6 +170,7 @@ impl Compensation {
         match self {
             Self::None => "none",
             Self::Lead(_) => "lead",
+            Self::Published { method, .. } => method.name(),
             Self::Twin { residual: Residual::Felt, .. } => "twin",
             Self::Twin { residual: Residual::LeftOut, .. } => "twin-model-only",
         }
@@ -171,7 +181,20 @@ impl Compensation {
     pub const fn lead_s(&self) -> f64 {
         match self {
             Self::None => 0.0,
-            Self::Lead(lead_s) | Self::Twin { lead_s, .. } => *lead_s,
+            Self::Lead(lead_s) | Self::Published { lead_s, .. } | Self::Twin { lead_s, .. } => {
+                *lead_s
+            }
+        }
+    }
+
+    /// The same with another lead, s.
+    #[must_use]
+    pub const fn with_lead_s(self, lead_s: f64) -> Self {
+        match self {
+            Self::None => Self::None,
+            Self::Lead(_) => Self::Lead(lead_s),
+            Self::Published { method, .. } => Self::Published { method, lead_s },
+            Self::Twin { residual, .. } => Self::Twin { lead_s, residual },
         }
     }
 
@@ -181,6 +204,9 @@ impl Compensation {
         match *self {
             Self::None => Method::None(Uncompensated),
             Self::Lead(lead_s) => Method::Lead(Lead::new(lead_s)),
+            Self::Published { method, lead_s } => {
+                Method::Published(method.method(believed, lead_s))
+            }
             Self::Twin { lead_s, residual } => {
                 Method::Twin(Box::new(Twin::new(believed, lead_s, residual)))
             }
@@ -196,6 +222,8 @@ pub enum Method {
     None(Uncompensated),
     /// See [`Lead`].
     Lead(Lead),
+    /// See [`Published`].
+    Published(PublishedMethod),
     /// See [`Twin`].
     Twin(Box<Twin>),
 }
@@ -206,6 +234,7 @@ macro_rules! each {
         match $method {
             Method::None($m) => $call,
             Method::Lead($m) => $call,
+            Method::Published($m) => $call,
             Method::Twin($m) => $call,
         }
     };

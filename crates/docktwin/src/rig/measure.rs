@@ -5,7 +5,10 @@ use std::{
     process::ExitCode,
 };
 
-use docktwin_hil::{calibrate::Calibration, identify::Identification};
+use docktwin_hil::{
+    calibrate::{Calibration, SensorB},
+    identify::Identification,
+};
 use docktwin_run::{
     commission::{self, CalibrateOptions, DriveOptions, IdentifyOptions, Stand},
     rigfile::{DOFS, RigFile, write, write_new},
@@ -139,6 +142,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
         at_x_m: m.at_x_m(),
         identification: args.identification.clone(),
         touch_m: args.touch_mm.map(|mm| mm * 1e-3),
+        corrections: None,
     };
     let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
     let (found, file) = commission::calibrate(m.stand()?, &m.drive(), &asked, &mut operator)?;
@@ -146,11 +150,30 @@ pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Fa
 }
 
 fn calibrated(found: &Calibration) -> Vec<String> {
-    let (p, c) = (&found.payload, found.payload.com_m);
-    let i = p.inertia_kg_m2.to_cols_array_2d();
     let us = |s: f64| s * 1e6;
-    let (zero, tare) = (&found.zero_b, &found.tare_a);
-    let mut words = vec![
+    let tare = &found.tare_a;
+    let mut words = found.of_b.as_ref().map(of_b).unwrap_or_default();
+    words.push(format!("tare of A    ({:.2}, {:.2}, {:.2}) N", tare.f.x, tare.f.y, tare.f.z));
+    words.push(found.delay_a_s.map_or_else(
+        || "delay of A   not looked at: it needs a touch (--touch-mm)".to_owned(),
+        |s| format!("delay of A   {:.1} us behind positions of the same stamp", us(s)),
+    ));
+    if let Some(b) = found.of_b {
+        words.push(format!(
+            "delay of B   {:.1} us behind positions of the same stamp",
+            us(b.delay_s)
+        ));
+    }
+    if let Some(s) = found.accelerometer_delay_s {
+        words.push(format!("accelerometers {:.1} us behind positions of the same stamp", us(s)));
+    }
+    words
+}
+
+fn of_b(b: &SensorB) -> Vec<String> {
+    let (p, c, zero) = (&b.payload, b.payload.com_m, &b.zero);
+    let i = p.inertia_kg_m2.to_cols_array_2d();
+    vec![
         format!(
             "B carries    {:.3} kg, mass centre ({:.4}, {:.4}, {:.4}) m",
             p.mass_kg, c.x, c.y, c.z
@@ -160,19 +183,8 @@ fn calibrated(found: &Calibration) -> Vec<String> {
             "zero of B    ({:.2}, {:.2}, {:.2}) N, ({:.2}, {:.2}, {:.2}) N m",
             zero.f.x, zero.f.y, zero.f.z, zero.m.x, zero.m.y, zero.m.z
         ),
-        format!("tare of A    ({:.2}, {:.2}, {:.2}) N", tare.f.x, tare.f.y, tare.f.z),
-        format!("unexplained  {:.3} N, {:.3} N m", found.rest[0], found.rest[1]),
-    ];
-    for (name, delay) in [("A", found.delay_s[0]), ("B", found.delay_s[1])] {
-        words.push(delay.map_or_else(
-            || format!("delay of {name}   not looked at: it needs a touch (--touch-mm)"),
-            |s| format!("delay of {name}   {:.1} us behind positions of the same stamp", us(s)),
-        ));
-    }
-    if let Some(s) = found.accelerometer_delay_s {
-        words.push(format!("accelerometers {:.1} us behind positions of the same stamp", us(s)));
-    }
-    words
+        format!("unexplained  {:.3} N, {:.3} N m", b.rest[0], b.rest[1]),
+    ]
 }
 
 /// Options of an emulated rig.

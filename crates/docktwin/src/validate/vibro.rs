@@ -6,7 +6,7 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::Args;
 use docktwin_control::sensing::SensorScheme;
 use docktwin_hil::scheduler::RigParameters;
-use docktwin_model::Rig;
+use docktwin_model::{DeadZoneLaw, Rig};
 use docktwin_report::study::vibro_impact as report;
 use docktwin_run::{
     commission::DriveOptions,
@@ -17,8 +17,8 @@ use docktwin_study::{
     Progress,
     table4::VibroTest,
     vibro_impact::{
-        AxisSet, CASES, PlacedTestError, StickModels, VibroImpactError, VibroOptions, VibroSummary,
-        on_rig, vibro_impact,
+        AxisSet, CASES, PlacedTestError, RigDraw, StickModels, VibroImpactError, VibroOptions,
+        VibroSummary, commissioned, in_corner, on_rig, vibro_impact,
     },
 };
 use serde_json::{Value, json};
@@ -87,6 +87,25 @@ pub(crate) struct VibroArgs {
     /// Run every test on this many rigs drawn within the spread of the file, too
     #[arg(long, value_name = "N", default_value_t = 0)]
     draws: u32,
+    /// Identify and calibrate each drawn rig through its port first, as `rig identify` and `rig calibrate` do
+    #[arg(long, requires = "draws", conflicts_with_all = ["identification", "lead_ms", "corner"])]
+    commission: bool,
+    /// Drawn rigs have sticks that the loop does not know: stiffness within 20 %, play within 0.5 mm
+    #[arg(long, requires = "draws")]
+    draw_stick: bool,
+    /// Dead zone of the emulated force sensors, which the loop does not know, N; drawn rigs have a part of it
+    #[arg(long, value_name = "N", value_parser = not_negative)]
+    dead_zone: Option<f64>,
+    /// That dead zone takes its threshold off every force, instead of passing larger ones whole
+    #[arg(long, requires = "dead_zone")]
+    subtractive: bool,
+    /// The loop knows that dead zone, as one that was calibrated
+    #[arg(long, requires = "dead_zone")]
+    dead_zone_known: bool,
+    /// Corner of the docking workspace at which the frame stands, 0 to 63: bits for the upper ends of X, Y, Z, roll,
+    /// pitch, yaw [default: the middle]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=63))]
+    corner: Option<u8>,
     /// The rig: `emulated` in this process, or `ipc:NAME` in another, which must have the stick
     #[arg(long, value_name = "emulated|ipc:NAME", default_value_t = RigPlace::Emulated)]
     rig: RigPlace,
@@ -125,14 +144,23 @@ fn case(text: &str) -> Result<Case, String> {
 
 /// Runs the command.
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
-    let models = StickModels::load(&args.model)?;
+    let mut models = StickModels::load(&args.model)?;
     let options = options(args, &models.rig)?;
-    if args.draws > 0 && args.rig != RigPlace::Emulated {
+    let changed = args.draws > 0 || args.dead_zone.is_some() || args.corner.is_some();
+    if changed && args.rig != RigPlace::Emulated {
         return Err(Failure::Usage {
-            what: "a rig in another process is what it is; it cannot be drawn".to_owned(),
-            remedy: "leave --draws away, or take --rig emulated".to_owned(),
+            what: "a rig in another process is what it is; it cannot be drawn or changed"
+                .to_owned(),
+            remedy: "leave --draws, --dead-zone and --corner away, or take --rig emulated"
+                .to_owned(),
         });
     }
+    if let Some(moved) = args.corner.and_then(|n| in_corner(&models.rig, usize::from(n))) {
+        models.rig = moved;
+    }
+    // By the draw's index; without, every rig is what its file says to the loop.
+    let known =
+        if args.commission { commission(args, &models, &options, json)? } else { Vec::new() };
     let mut operator = AtTerminal { yes: args.led.yes, quiet: json };
     confirm(&mut operator, &args.rig)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
@@ -141,7 +169,10 @@ pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
         clock: args.led.clock.kind(),
         realtime: args.led.realtime.options(),
     };
-    let run = |test: &VibroTest, draw| on_rig(&models.rig, &options, &drive, test, draw);
+    let run = |test: &VibroTest, draw: RigDraw| {
+        let known = known.iter().find(|(of, _)| *of == draw).map_or(&options, |(_, known)| known);
+        on_rig(&models.rig, known, &drive, test, draw)
+    };
     let found = vibro_impact(&models.models(), &options, &mut Dots { json }, run);
     let found = found.map_err(|e| match e {
         VibroImpactError::Run(PlacedTestError::Place(e)) => e.into(),
@@ -154,6 +185,17 @@ pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
     let words = report::words(&found, &drive.place, drive.clock);
     results.finish("vibro-impact", &answer, &words, json)?;
     Ok(ExitCode::from(if found.summary.complete() { 0 } else { OTHERWISE }))
+}
+
+/// Every drawn rig, and what its commissioning found.
+fn commission(
+    args: &VibroArgs,
+    models: &StickModels,
+    options: &VibroOptions,
+    json: bool,
+) -> Result<Vec<(RigDraw, VibroOptions)>, Failure> {
+    let found = commissioned(&args.model, &models.rig, options, &mut Dots { json });
+    Ok(found?)
 }
 
 /// A dot on stderr for every test.
@@ -205,6 +247,14 @@ fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
     options.draws = args.draws;
     options.preset = args.preset.map(PresetArg::preset);
     options.seed = args.seed;
+    if args.draw_stick {
+        (options.unknown.stiffness, options.unknown.play_m) = (0.2, 5e-4);
+    }
+    options.unknown.dead_zone_n = args.dead_zone;
+    options.unknown.calibrated = args.dead_zone_known;
+    if args.subtractive {
+        options.unknown.law = DeadZoneLaw::Subtractive;
+    }
     Ok(options)
 }
 

@@ -5,7 +5,7 @@ use docktwin_control::{
     feedforward::PlateMotion,
     planner::{Move, Route, RunUp},
     safety::{Supervisor, half_widths},
-    sensing::{Conditioning, SensorScheme},
+    sensing::{Conditioning, SensorScheme, taken_off},
 };
 use docktwin_core::{DVec3, Pose};
 use docktwin_model::Rig as RigModel;
@@ -221,7 +221,10 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
     fn tared(&self, x_bp: &Pose, samples: &[RigMeasurement]) -> Conditioning {
         let s = &self.setup;
         let ring_weight = s.rig.gravity_in_e3_m_s2() * (s.ring_mass_kg * s.rig.uncarried());
-        let mut out = Conditioning::new(s.scheme, s.parameters.payload, ring_weight);
+        let thresholds =
+            s.parameters.sensors.map_or([[0.0; 2]; 2], |both| both.map(|x| taken_off(&x)));
+        let mut out = Conditioning::new(s.scheme, s.parameters.payload, ring_weight)
+            .with_dead_zones(thresholds);
         let q4 = (*x_bp * s.rig.x_4p.inverse()).q.conjugate();
         let still = Carried { gravity: q4 * s.rig.gravity_m_s2, ..Carried::default() };
         for m in samples {

@@ -119,9 +119,9 @@ impl RigParameters {
         Self {
             corrections: identification
                 .map_or_else(LegCorrections::default, Identification::corrections),
-            payload: calibration.map_or_else(
+            payload: calibration.and_then(|c| c.of_b).map_or_else(
                 || Payload::of(rig.passive_payload, &rig.x_4p.inverse()),
-                |c| c.payload,
+                |b| b.payload,
             ),
             interface_delay_s,
             lead_s,

@@ -325,6 +325,14 @@ pub(super) const SPREAD: Group = Group {
         )
         .only("drive.kind is position_loop or measured"),
         key(
+            "loop_damping",
+            PART,
+            "0.2",
+            "Of the damping ratio of the legs' position loops, relative.",
+            "Lag of the legs.",
+        )
+        .optional("all legs are damped as the file says; not with oil"),
+        key(
             "dead_time_s",
             Shape::Number(Range::within(0.0, 0.1)),
             "0.0005",

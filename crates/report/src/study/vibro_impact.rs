@@ -132,9 +132,12 @@ pub fn words(found: &VibroImpact, place: &RigPlace, clock: ClockKind) -> String 
         if let Some(s) = t.draw_statistics() {
             let [em, ew, tm, tw] =
                 [s.r_e_mean, s.r_e_worst, s.r_t_mean, s.r_t_worst].map(|x| x * 100.0);
+            let [p, fm, fw] =
+                [s.peak_worst, s.nrms_force_mean, s.nrms_force_worst].map(|x| x * 100.0);
             let _ = writeln!(
                 out,
-                "{:11} {:4} {} of {} drawn rigs: |R_e-1| mean {em:.2} worst {ew:.2}, |R_T-1| mean {tm:.2} worst {tw:.2}",
+                "{:11} {:4} {} of {} drawn rigs: |R_e-1| mean {em:.2} worst {ew:.2}, |R_T-1| mean {tm:.2} worst {tw:.2}, \
+                 |peak-1| worst {p:.2}, NRMS F mean {fm:.2} worst {fw:.2}",
                 "", "", s.judged, s.rigs
             );
         }

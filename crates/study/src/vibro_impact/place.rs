@@ -85,7 +85,8 @@ pub fn on_rig(
     test: &VibroTest,
     draw: RigDraw,
 ) -> Result<TestRun, PlacedTestError> {
-    let at = At { believed, options, drive, test };
+    let known = options.unknown.believed(believed, draw);
+    let at = At { believed: &known, options, drive, test };
     match &drive.place {
         RigPlace::Emulated => {
             at.run(InProcess::new(emulated_rig(believed, options, test, draw)?), 1)

@@ -28,9 +28,8 @@ use docktwin_physics::{
     mechanism::System, mounted::Ports, platform::Platform, programme::RelativeMotion,
 };
 
-use self::{
-    bands::Bands, ground::Ground, latches::Latches, orbit::Orbit, plate::Plate, trust::Trust,
-};
+use self::{bands::Bands, ground::Ground, latches::Latches, trust::Trust};
+pub(super) use self::{orbit::Orbit, plate::Plate};
 use super::{
     Compensator, Demand, ExpectedContact, LATCHES, Lead, LoopContext, Phase, Report, Target,
 };

@@ -18,7 +18,7 @@ const JOINING: f64 = 0.02;
 
 /// The orbit twin.
 #[derive(Clone, Debug)]
-pub(super) struct Orbit {
+pub(in crate::compensation) struct Orbit {
     mounted: Mounted,
     plate: Option<Plate>,
     ports: Ports,
@@ -31,7 +31,7 @@ pub(super) fn step_s() -> f64 {
 }
 
 impl Orbit {
-    pub(super) fn new(believed: &Believed<'_>) -> Self {
+    pub(in crate::compensation) fn new(believed: &Believed<'_>) -> Self {
         let mut rig = believed.rig.clone();
         rig.gravity_m_s2 = DVec3::ZERO;
         rig.offload = None;
@@ -41,7 +41,7 @@ impl Orbit {
         out
     }
 
-    pub(super) fn reset(&mut self) {
+    pub(in crate::compensation) fn reset(&mut self) {
         self.mounted.reset();
         self.mounted.accelerate_rack(&Twist::default());
         (self.plate, self.ports) = (None, Ports::default());
@@ -49,7 +49,7 @@ impl Orbit {
 
     /// To the end of a tick, at which the bodies stand at `now`; `chaser` is the acceleration of the chaser in it, in
     /// `e1`. The middle of the last step is that instant, so that the ports' wrenches are of the tick itself.
-    pub(super) fn advance(
+    pub(in crate::compensation) fn advance(
         &mut self,
         now: &Plate,
         chaser: &Twist,
@@ -72,11 +72,11 @@ impl Orbit {
     }
 
     /// F3, M3 and F4, M4 at the tick.
-    pub(super) const fn ports(&self) -> &Ports {
+    pub(in crate::compensation) const fn ports(&self) -> &Ports {
         &self.ports
     }
 
-    pub(super) fn hash_into(&self, h: &mut StateHasher) {
+    pub(in crate::compensation) fn hash_into(&self, h: &mut StateHasher) {
         self.mounted.hash_into(h);
     }
 }

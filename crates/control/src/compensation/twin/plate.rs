@@ -5,16 +5,16 @@ use docktwin_physics::{platform::Platform, programme::RelativeMotion};
 
 /// Pose and motion of the plate at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Plate {
+pub(in crate::compensation) struct Plate {
     /// `X_bp`.
-    pub(super) x_bp: Pose,
+    pub(in crate::compensation) x_bp: Pose,
     /// Velocity of the origin of `ep` and angular velocity, in `eb`.
-    pub(super) twist: Twist,
+    pub(in crate::compensation) twist: Twist,
 }
 
 impl Plate {
     /// The plate that shows a relative motion exactly.
-    pub(super) fn of_bodies(platform: &Platform, motion: &RelativeMotion) -> Self {
+    pub(in crate::compensation) fn of_bodies(platform: &Platform, motion: &RelativeMotion) -> Self {
         Self {
             x_bp: platform.plate_from_docking(&motion.x_34),
             twist: platform.plate_twist(&motion.x_34, &motion.twist),

@@ -1,0 +1,111 @@
+//! The delays that a method has to undo, told apart as far as the files do.
+
+use core::f64::consts::TAU;
+
+use docktwin_core::{DQuat, Pose, Twist};
+use docktwin_model::{Drive, PositionLoop};
+use docktwin_physics::programme::RelativeMotion;
+
+use super::Believed;
+
+/// Lag of the plate behind its command, and of sensor A behind the force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Delays {
+    /// Dead time of the plate, s.
+    dead_s: f64,
+    /// Lag of the drives: coefficients of s and s² of the inverse of their transfer function, s and s².
+    lag: [f64; 2],
+    /// Of sensor A, s.
+    pub(super) sensor_s: f64,
+}
+
+/// Coefficients of s and s² of the inverse of a position loop.
+fn inverse_of(drive: &Drive) -> [f64; 2] {
+    let of = |l: &PositionLoop| {
+        let w = TAU * l.natural_frequency_hz;
+        l.damping_ratio.map_or([1.0 / w, 0.0], |z| [2.0 * z / w, 1.0 / (w * w)])
+    };
+    match drive {
+        // Its own feed-forward undoes the oil: what is left is dead time.
+        Drive::Hydraulic(_) => [0.0; 2],
+        Drive::PositionLoop(l) => of(l),
+        Drive::Measured(m) => of(&m.fitted),
+    }
+}
+
+impl Delays {
+    /// Of a rig as believed; `lead_s` is the lag of plate and sensor together, as identified or believed.
+    pub(super) fn new(believed: &Believed<'_>, lead_s: f64) -> Self {
+        let of_a = believed.sensors.as_ref().map_or(0.0, |[a, _]| {
+            a.delay_s + 2.0 * a.damping_ratio / (TAU * a.natural_frequency_hz)
+        });
+        let sensor_s = of_a.min(lead_s);
+        let plate_s = lead_s - sensor_s;
+        let [first, second] = inverse_of(&believed.rig.drive);
+        // Drives that are quicker than the file says.
+        let part = if first > plate_s { plate_s / first } else { 1.0 };
+        let lag = [first * part, second * part * part];
+        Self { dead_s: plate_s - lag[0], lag, sensor_s }
+    }
+
+    /// Lag of the plate, s.
+    pub(super) const fn plate_s(&self) -> f64 {
+        self.dead_s + self.lag[0]
+    }
+
+    /// The command with which the plate is at `next` in its time, the dead time by a series and the drives by their
+    /// inverse, both to the acceleration; `further_s` more dead time.
+    pub(super) fn undo(&self, next: &RelativeMotion, further_s: f64) -> RelativeMotion {
+        let d = self.dead_s + further_s;
+        let [a1, a2] = self.lag;
+        by_series(next, [d + a1, 0.5 * d * d + d * a1 + a2])
+    }
+}
+
+/// `x + c₁ v + c₂ a`, and its derivatives.
+fn by_series(m: &RelativeMotion, [c1, c2]: [f64; 2]) -> RelativeMotion {
+    let sum = |a: &Twist, b: &Twist, by: f64| Twist { v: a.v + b.v * by, w: a.w + b.w * by };
+    let way = sum(&sum(&Twist::default(), &m.twist, c1), &m.acceleration, c2);
+    RelativeMotion {
+        x_34: Pose::new(m.x_34.p + way.v, (DQuat::from_scaled_axis(way.w) * m.x_34.q).normalize()),
+        twist: sum(&sum(&m.twist, &m.acceleration, c1), &m.jerk, c2),
+        acceleration: sum(&m.acceleration, &m.jerk, c1),
+        jerk: m.jerk,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use docktwin_core::DVec3;
+
+    use super::*;
+
+    /// A sine behind a dead time and a second order is where it is to be: x = sin ωt, the command of the inverse lags
+    /// by the phase of both, and the error is of third order in ω.
+    #[test]
+    fn oracle_the_command_is_undone_by_the_drive() {
+        let (hz, w0, z, dead) = (1.0_f64, TAU * 12.0, 0.7, 0.004);
+        let delays = Delays { dead_s: dead, lag: [2.0 * z / w0, 1.0 / (w0 * w0)], sensor_s: 0.0 };
+        let w = TAU * hz;
+        let at = |t: f64| RelativeMotion {
+            x_34: Pose::from_translation(DVec3::X * (w * t).sin()),
+            twist: Twist { v: DVec3::X * (w * (w * t).cos()), w: DVec3::ZERO },
+            acceleration: Twist { v: DVec3::X * (-w * w * (w * t).sin()), w: DVec3::ZERO },
+            jerk: Twist { v: DVec3::X * (-w * w * w * (w * t).cos()), w: DVec3::ZERO },
+        };
+        // As a complex amplitude: command over motion, times the drive, is 1 but for the dead time's cube.
+        let (re, im) =
+            (delays.undo(&at(0.25 / hz), 0.0).x_34.p.x, delays.undo(&at(0.0), 0.0).x_34.p.x);
+        let command = num(re, im);
+        let s = num(0.0, w);
+        let drive = num(1.0, 0.0) / (num(1.0, 0.0) + s * (2.0 * z / w0) + s * s / (w0 * w0));
+        let shown = command * drive * (-s * dead).exp();
+        // Dead time by a series to the second order leaves (ωd)³/6, and beside the drive ω³ (d a₂ + d² a₁/2).
+        let left = (w * dead).powi(3) / 6.0 + w.powi(3) * (dead / (w0 * w0) + dead * dead * z / w0);
+        assert!((shown - num(1.0, 0.0)).norm() < 1.2 * left, "{shown} {left}");
+    }
+
+    fn num(re: f64, im: f64) -> nalgebra::Complex<f64> {
+        nalgebra::Complex::new(re, im)
+    }
+}

@@ -1,0 +1,70 @@
+//! Phase lead of the force and second-order lead of the position (Qi, Gao, Zhao, Li and others, J. Intell. Robot.
+//! Syst. 2016, "Low-order model based divergence compensation"):
+//!
+//! ```text
+//! felt = (1 + τ_F s) / (1 + α τ_F s) · measured        τ_F lag of the sensor, α = 0.1
+//! command = x + c₁ v + c₂ a                            inverse of dead time and drives to the second order
+//! ```
+//!
+//! The source has a platform of third order; here its third coefficient is left to the dead time. Higher derivatives
+//! are avoided there for their noise, as here.
+
+use docktwin_core::{StateHasher, Wrench};
+use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
+
+use super::{Delays, Demand, Does, LoopContext};
+use crate::compensation::Phase;
+
+/// Lag of the lead's own filter over the lead.
+const ALPHA: f64 = 0.1;
+
+/// See the module's page.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ForceLead {
+    delays: Delays,
+    /// The last measurement, and the rates of its wrenches, N/s and N·m/s.
+    before: Option<Ports>,
+    rate: Ports,
+}
+
+impl ForceLead {
+    pub(super) const fn new(delays: Delays) -> Self {
+        let zero = Wrench::ZERO;
+        Self { delays, before: None, rate: Ports { port3: zero, port4: zero } }
+    }
+}
+
+impl Does for ForceLead {
+    fn reset(&mut self) {
+        *self = Self::new(self.delays);
+    }
+
+    fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports> {
+        if seen.phase != Phase::Closed {
+            self.before = None;
+            return None;
+        }
+        if seen.measured.fresh {
+            let before = self.before.replace(*seen.ports).unwrap_or(*seen.ports);
+            let now = (*seen.ports - before) * (1.0 / seen.period_s);
+            let own_s = ALPHA * self.delays.sensor_s;
+            let part = if own_s > 0.0 { 1.0 - (-seen.period_s / own_s).exp() } else { 1.0 };
+            self.rate = self.rate + (now - self.rate) * part;
+        }
+        Some(self.rate * self.delays.sensor_s)
+    }
+
+    fn command(&mut self, _seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
+        Demand::of(self.delays.undo(next, 0.0))
+    }
+
+    fn digest(&self) -> Option<u64> {
+        let mut h = StateHasher::new();
+        let before = self.before.unwrap_or_default();
+        for w in [before.port3, before.port4, self.rate.port3, self.rate.port4] {
+            h.vec3(w.f);
+            h.vec3(w.m);
+        }
+        Some(h.finish().short())
+    }
+}
