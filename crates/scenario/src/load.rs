@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use docktwin_core::{DVec3, Euler, FULL_STEPS_PER_MS};
+use docktwin_core::{DVec3, Euler};
 use docktwin_model::input;
 use docktwin_model::toml_check::{Checker, Table};
 use docktwin_model::{

@@ -134,7 +134,7 @@ impl RunSettings {
         self.tick_s() / f64::from(self.steps_in_tick(FULL_STEPS_PER_MS))
     }
 
-    fn tick_s(&self) -> f64 {
+    pub(crate) fn tick_s(&self) -> f64 {
         self.tick_nanos as f64 / 1e9
     }
 }
