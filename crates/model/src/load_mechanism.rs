@@ -7,7 +7,7 @@ use crate::Sources;
 use crate::keys::read::{self, Section};
 use crate::keys::{FileKind, NORMAL_LAWS};
 use crate::load_surfaces::{
-    OwnLatches, check_pairs, place_surfaces, read_own_latches, read_surfaces,
+    OwnLatches, check_gaps, check_pairs, place_surfaces, read_own_latches, read_surfaces,
 };
 use crate::problem::{Findings, Loaded, ModelErrors, Problem};
 use crate::urdf::{self, UrdfTree};
@@ -666,18 +666,6 @@ fn is_singular(mut a: [[f64; 6]; 6]) -> bool {
         }
     }
     false
-}
-
-/// A latch is approached, struck and caught in this order.
-pub(crate) fn check_gaps(t: Section<'_, '_, '_>, [approach_m, strike_m, catch_m]: [f64; 3]) {
-    if strike_m < catch_m {
-        let what = format!("is below the catch gap, {catch_m} m");
-        t.refuse("strike_gap_m", what, "a latch is struck before it catches: make it larger");
-    }
-    if approach_m < strike_m {
-        let what = format!("is below the strike gap, {strike_m} m");
-        t.refuse("approach_gap_m", what, "a latch approaches before it is struck: make it larger");
-    }
 }
 
 fn read_latches(t: Section<'_, '_, '_>) -> LatchSet {

@@ -6,7 +6,6 @@ use docktwin_core::{DQuat, DVec3, Pose};
 
 use crate::keys::read::Section;
 use crate::keys::{SURFACE_KINDS, SurfaceKind};
-use crate::load_mechanism::check_gaps;
 use crate::mechanism::{DockingMechanism, SideGeometry};
 use crate::problem::{Findings, Note, Problem};
 use crate::surface::{
@@ -298,4 +297,16 @@ pub(crate) fn check_pairs(m: &DockingMechanism, files: &[PathBuf; 2], out: &mut 
 
 fn radii(s: &[Surface; 2]) -> f64 {
     s[0].rounding_m + s[1].rounding_m
+}
+
+/// A latch is approached, struck and caught in this order.
+pub(crate) fn check_gaps(t: Section<'_, '_, '_>, [approach_m, strike_m, catch_m]: [f64; 3]) {
+    if strike_m < catch_m {
+        let what = format!("is below the catch gap, {catch_m} m");
+        t.refuse("strike_gap_m", what, "a latch is struck before it catches: make it larger");
+    }
+    if approach_m < strike_m {
+        let what = format!("is below the strike gap, {strike_m} m");
+        t.refuse("approach_gap_m", what, "a latch approaches before it is struck: make it larger");
+    }
 }

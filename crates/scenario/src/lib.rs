@@ -29,6 +29,7 @@ mod load_expect;
 mod loader;
 mod overrides;
 mod read;
+mod scenario;
 mod stiff;
 
 pub use builder::ScenarioBuilder;
@@ -38,11 +39,12 @@ pub use expect::{
     Target, Window,
 };
 pub use keys::{Explained, explain, explained};
-pub use load::{
-    Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
-    Thrust, Trigger, TurningBody, resolve_path, resolve_path_from,
-};
+pub use load::{resolve_path, resolve_path_from};
 pub use loader::{Loader, load_scenario};
+pub use scenario::{
+    Body, CompensatorChoice, HilSettings, InitialConditions, RunSettings, Scenario, ScenarioErrors,
+    Thrust, Trigger, TurningBody,
+};
 pub use stiff::{Moving, Place, TooStiff, too_stiff};
 
 #[cfg(test)]

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use docktwin_model::{FileDigest, Sources, input};
 
-use crate::load::{Scenario, ScenarioErrors, checked};
+use crate::load::checked;
 use crate::overrides::Patch;
+use crate::scenario::{Scenario, ScenarioErrors};
 
 /// Reads scenarios: from a file or a text, with values patched, and with models from memory as well as
 /// from the disk.

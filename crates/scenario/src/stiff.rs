@@ -13,7 +13,7 @@ use docktwin_model::{
     PiecewiseCurve, SideGeometry, Spacecraft, Surface, SurfacePairing, principal_moments,
 };
 
-use crate::load::{InitialConditions, Scenario};
+use crate::scenario::{InitialConditions, Scenario};
 
 /// How much faster than at the start a contact may be: what turns and swings in between adds to it.
 const SPEED_MARGIN: f64 = 2.0;

@@ -690,6 +690,8 @@ fn surfaces() -> Vec<Case> {
 fn drives() -> Vec<Case> {
     const M: &str = "measured.toml";
     const ROW: &str = "  [10, 0.828";
+    let rows = part(M, "response_hz_1_deg = { value = [", "\n],");
+    let alone = "response_hz_1_deg = { value = [\n  [2.308, 1.0, -18.1],\n  [2.308, 1.0, -18.2],";
     let many = kept(format!("{}  [0.235, 0.9999", "  [0.5, 1.0, -3.9],\n".repeat(1000)));
     vec![
         undo(
@@ -701,6 +703,7 @@ fn drives() -> Vec<Case> {
             &[(M, "  [0.235, 0.9999", "  [0.235, 90.9999")],
         ),
         undo("give 2 to 1000 rows", &[(M, "  [0.235, 0.9999", many)]),
+        undo("give rows of two frequencies or more", &[(M, rows, alone)]),
         undo(
             "give frequencies in Hz, phases in degrees with late negative, and `delay_s` of the same identification",
             &[(M, "lag_s = { value = 0.0", "lag_s = { value = 0.03")],

@@ -190,7 +190,9 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
         let [speed, rate] = self.speeds();
         let there = Move::new(&begin, &s.bodies.x_34(), speed, rate);
         let touches = |x: &Pose| s.system.touches_at(x);
-        let first = Route::clear([from, &begin], [speed, rate], touches)?;
+        // A stick may lean on its frame after a stop, and is out of it on the way.
+        let stick = s.system.mechanism().stick.is_some();
+        let first = Route::clear([from, &begin], [speed, rate], |x| !stick && touches(x))?;
         let clear = if s.dry_run { there.is_clear(touches) } else { run_up.is_clear(0.0, touches) };
         clear.then_some(Plan { first, there, run_up })
     }
