@@ -11,7 +11,7 @@ use std::{
 use docktwin_control::{
     compensation::{
         Believed, Compensation, Compensator, Demand, Lead, LoopContext, Measured, Method, Phase,
-        Residual, Twin, Uncompensated,
+        Published, Residual, Twin, Uncompensated,
     },
     feedforward::{PathTimes, PlateMotion},
     sensing::SensorScheme,
@@ -366,6 +366,13 @@ fn invariant_every_choice_of_the_command_line_conforms() {
         };
         conforms(made(0.0, without_ring()), made(3e-3, docking()), 3);
         assert_eq!(of(0.01).name(), of(0.01).method(&docking().believed()).name());
+    }
+    for method in Published::ALL {
+        let made = |lead_s: f64, files: &'static Files| {
+            move || Compensation::Published { method, lead_s }.method(&files.believed())
+        };
+        conforms(made(0.0, without_ring()), made(3e-3, docking()), 3);
+        assert_eq!(method.name(), made(3e-3, docking())().name());
     }
     // The control of validations leaves out what was measured, so it is no identity.
     let control = Compensation::Twin { lead_s: 3e-3, residual: Residual::LeftOut };

@@ -226,10 +226,26 @@ pub(crate) const KEYS: &[Key] = &[
     ),
     key(
         "loop.compensator",
-        Shape::Words(&["none", "lead", "twin", "twin-model-only"], false),
+        Shape::Words(
+            &[
+                "none",
+                "lead",
+                "force-lead",
+                "pe1",
+                "pe2",
+                "pe3",
+                "state-force-inverse",
+                "smith-lead",
+                "smith-dob",
+                "prior-force",
+                "twin",
+                "twin-model-only",
+            ],
+            false,
+        ),
         "Compensator of the delay of the rig and of what it adds; without it `lead`. `twin` corrects the measured \
          wrenches by two twins and leads the command; `twin-model-only` leaves what was measured out, as a \
-         control of validations.",
+         control of validations. The others are methods of the literature to compare with (docs/compensation.md).",
     ),
     key(
         "loop.lead_s",

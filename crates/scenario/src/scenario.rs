@@ -167,6 +167,22 @@ pub enum CompensatorChoice {
     None,
     /// `x + τ v`.
     Lead,
+    /// Phase lead of the force, second-order lead of the position.
+    ForceLead,
+    /// Polynomial of first order through past commands.
+    Pe1,
+    /// Of second order.
+    Pe2,
+    /// Of third order.
+    Pe3,
+    /// Inverse of the drives from position, speed and measured force.
+    StateForceInverse,
+    /// Smith predictor with a contact identified in the contact, and a lead.
+    SmithLead,
+    /// The same with an observer of the dead zone.
+    SmithDob,
+    /// Force corrected by a simple model known beforehand.
+    PriorForce,
     /// Two twins, in orbit and on the ground, and a lead.
     Twin,
     /// The same with the measured wrenches left out: a control for validations.
@@ -175,15 +191,23 @@ pub enum CompensatorChoice {
 
 impl CompensatorChoice {
     /// Words by which scenario and command line name them.
-    pub const WORDS: [(&'static str, Self); 4] = [
+    pub const WORDS: [(&'static str, Self); 12] = [
         ("none", Self::None),
         ("lead", Self::Lead),
+        ("force-lead", Self::ForceLead),
+        ("pe1", Self::Pe1),
+        ("pe2", Self::Pe2),
+        ("pe3", Self::Pe3),
+        ("state-force-inverse", Self::StateForceInverse),
+        ("smith-lead", Self::SmithLead),
+        ("smith-dob", Self::SmithDob),
+        ("prior-force", Self::PriorForce),
         ("twin", Self::Twin),
         ("twin-model-only", Self::TwinModelOnly),
     ];
 
     /// The same words as an option of the command line shows them.
-    pub const NAMES: &'static str = "none|lead|twin|twin-model-only";
+    pub const NAMES: &'static str = "none|lead|force-lead|pe1|pe2|pe3|state-force-inverse|smith-lead|smith-dob|prior-force|twin|twin-model-only";
 }
 
 /// The body a thrust acts on.

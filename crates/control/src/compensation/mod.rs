@@ -13,6 +13,7 @@
 //! CONTRIBUTING.md, "A new compensator".
 
 mod context;
+mod delays;
 mod lead;
 mod none;
 mod published;

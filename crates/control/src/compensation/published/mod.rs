@@ -3,7 +3,6 @@
 //! They were published for one axis or for tests of structures; here each is written for six axes and for the seam of
 //! [`Compensator`], with what its source says. What a source leaves open is chosen here, and said at the method.
 
-mod delays;
 mod force_lead;
 mod polynomial;
 mod prior;
@@ -13,10 +12,10 @@ mod state_force;
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
 use self::{
-    delays::Delays, force_lead::ForceLead, polynomial::Polynomial, prior::Prior, smith::Smith,
+    force_lead::ForceLead, polynomial::Polynomial, prior::Prior, smith::Smith,
     state_force::StateForce,
 };
-use super::{Believed, Compensator, Demand, LoopContext};
+use super::{Believed, Compensator, Demand, LoopContext, delays::Delays};
 
 /// Which method of the literature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,9 @@
 //! x(t + τ) = Σ aᵢ x(t − i τ)      first order 2, −1; second 3, −3, 1; third 4, −6, 4, −1
 //! ```
 //!
-//! Speed, acceleration and jerk of the command are carried on alike, so that they belong to its position.
+//! The speed of the command is carried on alike. The source commands positions alone; here acceleration and jerk, of
+//! which the feed-forward of the legs makes force and flow, are those of the motion carried on straight: through four
+//! points they would have eight times the noise of the force.
 
 use docktwin_core::{DQuat, Pose, StateHasher, Twist};
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
@@ -65,8 +67,7 @@ impl Polynomial {
                 a.x_34.q.slerp(b.x_34.q, part),
             ),
             twist: mix(&a.twist, &b.twist),
-            acceleration: mix(&a.acceleration, &b.acceleration),
-            jerk: mix(&a.jerk, &b.jerk),
+            ..RelativeMotion::default()
         }
     }
 }
@@ -107,9 +108,9 @@ impl Does for Polynomial {
             }
             way.w += turn.to_scaled_axis() * *factor;
             add(&mut out.twist, &x.twist, *factor);
-            add(&mut out.acceleration, &x.acceleration, *factor);
-            add(&mut out.jerk, &x.jerk, *factor);
         }
+        (out.acceleration, out.jerk) = (next.acceleration, next.jerk);
+        add(&mut out.acceleration, &next.jerk, self.lead_s);
         let turned = (DQuat::from_scaled_axis(way.w) * next.x_34.q).normalize();
         out.x_34 = Pose::new(next.x_34.p + way.v, turned);
         Demand::of(out)

@@ -15,7 +15,7 @@
 //! less than the threshold, that force. The sources do not say how a first contact begins for which nothing is
 //! identified; here nothing is filled in then.
 
-use docktwin_core::{DQuat, DVec3, Pose, StateHasher, Wrench};
+use docktwin_core::{DVec3, Pose, StateHasher, Wrench};
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
 use super::{Believed, Delays, Demand, Does, LoopContext};

@@ -32,6 +32,7 @@ use self::{bands::Bands, ground::Ground, latches::Latches, trust::Trust};
 pub(super) use self::{orbit::Orbit, plate::Plate};
 use super::{
     Compensator, Demand, ExpectedContact, LATCHES, Lead, LoopContext, Phase, Report, Target,
+    delays::Delays,
 };
 use crate::sensing::SensorScheme;
 
@@ -68,6 +69,7 @@ pub enum Residual {
 #[derive(Clone, Debug)]
 pub struct Twin {
     lead: Lead,
+    delays: Delays,
     residual: Residual,
     platform: Platform,
     ground: Ground,
@@ -89,6 +91,7 @@ impl Twin {
     pub fn new(believed: &Believed<'_>, lead_s: f64, residual: Residual) -> Self {
         Self {
             lead: Lead::new(lead_s),
+            delays: Delays::new(believed, lead_s),
             residual,
             platform: Platform::new(believed.rig),
             ground: Ground::new(believed),
@@ -187,7 +190,8 @@ impl Compensator for Twin {
         let ExpectedContact { port4, rate } = self.contact;
         let port4 = port4 + rate * ahead_s;
         let contact = (seen.phase == Phase::Closed).then_some(ExpectedContact { port4, rate });
-        let pose = Target { motion: next.ahead(self.lead.lead_s()), contact };
+        let motion = self.delays.undo_to_jerk(next, self.delays.sensor_s);
+        let pose = Target { motion, contact };
         Demand { pose, flow: None, force: None }
     }
 

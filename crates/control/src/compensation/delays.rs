@@ -56,16 +56,28 @@ impl Delays {
     /// The command with which the plate is at `next` in its time, the dead time by a series and the drives by their
     /// inverse, both to the acceleration; `further_s` more dead time.
     pub(super) fn undo(&self, next: &RelativeMotion, further_s: f64) -> RelativeMotion {
+        let [c1, c2, _] = self.series(further_s);
+        by_series(next, [c1, c2, 0.0])
+    }
+
+    /// The same to the jerk.
+    pub(super) fn undo_to_jerk(&self, next: &RelativeMotion, further_s: f64) -> RelativeMotion {
+        by_series(next, self.series(further_s))
+    }
+
+    /// Coefficients of s, s² and s³ of e^(ds) (1 + a₁ s + a₂ s²).
+    fn series(&self, further_s: f64) -> [f64; 3] {
         let d = self.dead_s + further_s;
         let [a1, a2] = self.lag;
-        by_series(next, [d + a1, 0.5 * d * d + d * a1 + a2])
+        [d + a1, d * d / 2.0 + d * a1 + a2, d * d * d / 6.0 + d * d * a1 / 2.0 + d * a2]
     }
 }
 
-/// `x + c₁ v + c₂ a`, and its derivatives.
-fn by_series(m: &RelativeMotion, [c1, c2]: [f64; 2]) -> RelativeMotion {
+/// `x + c₁ v + c₂ a + c₃ j`, and its derivatives.
+fn by_series(m: &RelativeMotion, [c1, c2, c3]: [f64; 3]) -> RelativeMotion {
     let sum = |a: &Twist, b: &Twist, by: f64| Twist { v: a.v + b.v * by, w: a.w + b.w * by };
     let way = sum(&sum(&Twist::default(), &m.twist, c1), &m.acceleration, c2);
+    let way = sum(&way, &m.jerk, c3);
     RelativeMotion {
         x_34: Pose::new(m.x_34.p + way.v, (DQuat::from_scaled_axis(way.w) * m.x_34.q).normalize()),
         twist: sum(&sum(&m.twist, &m.acceleration, c1), &m.jerk, c2),
@@ -103,6 +115,10 @@ mod tests {
         // Dead time by a series to the second order leaves (ωd)³/6, and beside the drive ω³ (d a₂ + d² a₁/2).
         let left = (w * dead).powi(3) / 6.0 + w.powi(3) * (dead / (w0 * w0) + dead * dead * z / w0);
         assert!((shown - num(1.0, 0.0)).norm() < 1.2 * left, "{shown} {left}");
+        // To the jerk a tenth of that and less is left.
+        let to_jerk = |t: f64| delays.undo_to_jerk(&at(t), 0.0).x_34.p.x;
+        let shown = num(to_jerk(0.25 / hz), to_jerk(0.0)) * drive * (-s * dead).exp();
+        assert!((shown - num(1.0, 0.0)).norm() < 0.2 * left, "{shown} {left}");
     }
 
     fn num(re: f64, im: f64) -> nalgebra::Complex<f64> {
