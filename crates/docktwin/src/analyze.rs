@@ -5,6 +5,7 @@ mod bode;
 mod frequency;
 mod mechanism;
 mod rig;
+mod stability;
 mod stiffness;
 mod workspace;
 
@@ -29,6 +30,9 @@ pub(crate) enum AnalyzeCommand {
     /// Frequency response of the running rig by swept sine, its linear model laid over it
     #[command(after_help = bode::EXAMPLES)]
     Bode(bode::BodeArgs),
+    /// Which contacts can be tested on a rig, with each method against the delay
+    #[command(after_help = stability::EXAMPLES)]
+    Stability(stability::StabilityArgs),
     /// How the closed loop of a rig moves with the stiffness of its payload, 0 to 1e6 N/m
     #[command(after_help = stiffness::EXAMPLES)]
     Stiffness(stiffness::StiffnessArgs),
@@ -41,6 +45,7 @@ pub(crate) fn run(command: &AnalyzeCommand, json: bool) -> Result<ExitCode, Fail
         AnalyzeCommand::Workspace(args) => workspace::run(args, json),
         AnalyzeCommand::Frequency(args) => frequency::run(args, json),
         AnalyzeCommand::Bode(args) => bode::run(args, json),
+        AnalyzeCommand::Stability(args) => stability::run(args, json),
         AnalyzeCommand::Stiffness(args) => stiffness::run(args, json),
     }
 }

@@ -142,6 +142,7 @@ fn oracle_two_sensors_carry_the_lightest_bodies() {
         compensation: Compensation::Lead(believed_delays_s(&stand.rig).iter().sum()),
         scheme: SensorScheme::Two,
         contacts: 4,
+        added_ticks: 0,
         session: 1,
         patience: Duration::ZERO,
     };

@@ -6,6 +6,7 @@
 //! | how does a docking mechanism answer on the test bench? | [`mechanism::mechanism`] |
 //! | does the single-DOF HIL simulation reproduce the simulated system? | [`single_dof::single_dof`] |
 //! | what does the whole loop do to a spring stick, Table 4? | [`vibro_impact::vibro_impact`] |
+//! | which contacts can be tested with which method against the delay? | [`stability::stability`] |
 //! | what makes a docking on the rig differ from the one in orbit, and by how much? | [`fidelity::budget`] |
 //! | and with mechanisms drawn within their spread? | [`fidelity::draws::draws`] |
 //! | does a second engine come to the same docking? | [`crosscheck::compare`] |
@@ -40,6 +41,7 @@ mod number;
 mod parallel;
 pub mod rig;
 pub mod single_dof;
+pub mod stability;
 pub mod table4;
 pub mod vibro_impact;
 

@@ -370,6 +370,8 @@ pub struct VibroSettings {
     pub scheme: SensorScheme,
     /// Contacts to run through, at least 1.
     pub contacts: u32,
+    /// Ticks by which every command is held back.
+    pub added_ticks: usize,
     /// Number of the run at the port.
     pub session: u64,
     /// How long to wait for a measurement.
@@ -401,6 +403,7 @@ impl VibroTest {
         LoopSetup::builder(rig, s.preset, &self.believed, &self.bodies)
             .parameters(parameters)
             .compensation(s.compensation)
+            .added_ticks(s.added_ticks)
             .sensors(s.scheme)
             .loads(Some(LOAD_LIMIT), Some(LOAD_LIMIT))
             .run_up_s(self.run_up_s())

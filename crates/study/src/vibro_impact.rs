@@ -71,7 +71,7 @@ pub const CASES: usize = TABLE_4.len();
 /// Most contacts of one test.
 const MOST_CONTACTS: u32 = 1000;
 /// How long a rig in this process may take over a tick.
-const PATIENCE: Duration = Duration::from_secs(5);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Axes along which both spacecraft move at once; the first is judged. In words `x`, `roll`, or
 /// `x+y+roll`.
@@ -223,6 +223,7 @@ impl VibroOptions {
             compensation: self.compensation,
             scheme: self.scheme,
             contacts: self.contacts,
+            added_ticks: 0,
             session,
             patience,
         }

@@ -45,6 +45,7 @@ pub(crate) fn settings(compensation: Compensation) -> VibroSettings {
         compensation,
         scheme: SensorScheme::Single,
         contacts: 1,
+        added_ticks: 0,
         session: 1,
         patience: Duration::ZERO,
     }

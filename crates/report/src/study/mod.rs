@@ -25,6 +25,7 @@ mod rig;
 mod say;
 mod sheet;
 pub mod single_dof;
+pub mod stability;
 pub mod stiffness;
 pub mod vibro_impact;
 pub mod workspace;
