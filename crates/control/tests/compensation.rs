@@ -10,8 +10,8 @@ use std::{
 
 use docktwin_control::{
     compensation::{
-        Believed, Compensation, Compensator, Demand, Lead, LoopContext, Measured, Method, Phase,
-        Published, Residual, Twin, Uncompensated,
+        Believed, Compensation, Compensator, Demand, Lead, LoopContext, Measured, Method, Order,
+        Phase, Published, Residual, Twin, Uncompensated,
     },
     feedforward::{PathTimes, PlateMotion},
     sensing::SensorScheme,
@@ -415,6 +415,109 @@ fn oracle_the_twin_adds_what_the_plate_is_off_by() {
         assert!((felt - measured_n - k * 1e-3).abs() < 1e-6, "{felt}");
         let model = found(Residual::LeftOut, measured_n);
         assert!((model - k * 3e-3).abs() < 1e-6, "{model}");
+    }
+}
+
+/// A model known beforehand adds the same, wherever the loop is: K times what bodies and plate are apart by.
+#[test]
+fn oracle_prior_force_adds_what_the_plate_is_off_by() {
+    let body = "test_2026kg.urdf";
+    let files = files("stick", [body, body], false);
+    let stick = files.system.mechanism().stick.expect("a stick");
+    let docked_m = files.system.mechanism().docked_length_m();
+    let at =
+        |depth_m: f64| Pose::from_translation(DVec3::X * (docked_m - stick.play_m() - depth_m));
+    let mut stage = Stage::new(0, None);
+    stage.motion = RelativeMotion { x_34: at(3e-3), ..RelativeMotion::default() };
+    stage.measured.x_34 = at(2e-3);
+    stage.measured.x_bp = files.rig.plate_from_docking(&at(2e-3));
+    stage.measured.fresh = true;
+    let prior = Compensation::Published { method: Published::PriorForce, lead_s: 2e-3 };
+    let mut prior = prior.method(&files.believed());
+    let control = Inputs::default();
+    let mut last = None;
+    for tick in 60..160 {
+        let mut seen = stage.seen(&control);
+        (seen.tick, seen.phase) = (tick, Phase::Closed);
+        last = prior.wrench(&seen);
+    }
+    let added = last.expect("a correction").port4.f.x;
+    assert!((added - stick.stiffness_n_m * 1e-3).abs() < 1e-6, "{added}");
+}
+
+/// A spring of 94.4 kN/m that is read 0.84 ms late: once it is identified, a Smith predictor adds what the force has
+/// risen by since; a phase lead of the force adds the same.
+#[test]
+fn oracle_smith_and_force_lead_undo_the_lag_of_the_sensor() {
+    let (k, w) = (94.4e3, 15.0_f64);
+    let files = docking();
+    let late_s = files.rig.sensors.map_or(0.0, |s| {
+        s.force.delay_s
+            + 2.0 * s.force.damping_ratio / (core::f64::consts::TAU * s.force.natural_frequency_hz)
+    });
+    let way = |t: f64| if t > 0.0 { 3e-3 * (w * t).sin() } else { 0.0 };
+    for method in [Published::SmithLead, Published::SmithDob, Published::ForceLead] {
+        let made = Compensation::Published { method, lead_s: late_s };
+        let mut method = made.method(&files.believed());
+        let mut stage = Stage::new(0, None);
+        let control = Inputs::default();
+        let mut worst_n = 0.0_f64;
+        for tick in 0..80_u32 {
+            let t = f64::from(tick) * TICK_S;
+            let x_34 = Pose::from_translation(DVec3::X * (0.6 - way(t)));
+            let a = DVec3::X * (w * w * way(t));
+            stage.motion = RelativeMotion {
+                x_34,
+                acceleration: Twist { v: a, w: DVec3::ZERO },
+                ..RelativeMotion::default()
+            };
+            (stage.measured.x_34, stage.measured.fresh) = (x_34, true);
+            stage.ports.port4.f.x = k * way(t - late_s);
+            let mut seen = stage.seen(&control);
+            (seen.tick, seen.phase) = (u64::from(tick) + 60, Phase::Closed);
+            let added = method.wrench(&seen).expect("a correction");
+            if tick > 40 {
+                worst_n = worst_n.max((added.port4.f.x - k * (way(t) - way(t - late_s))).abs());
+                // Action and reaction, about the mass centres of nothing.
+                assert!(
+                    (added.port3.f + added.port4.f).length() < 1e-9
+                        || method.name() == "force-lead"
+                );
+            }
+        }
+        let rises_n = k * 3e-3 * w * late_s;
+        println!("{}: {worst_n:.3} of {rises_n:.1} N", method.name());
+        assert!(worst_n < 0.03 * rises_n, "{}: {worst_n} of {rises_n} N", method.name());
+    }
+}
+
+/// A motion that is a polynomial of their order is carried on exactly, across the ticks of a lead that is none of them.
+#[test]
+fn oracle_polynomials_are_exact_on_polynomials() {
+    let lead_s = 3.7e-3;
+    for (order, degree) in [(Order::First, 1), (Order::Second, 2), (Order::Third, 3)] {
+        let made = Compensation::Published { method: Published::Polynomial(order), lead_s };
+        let mut method = made.method(&docking().believed());
+        let stage = Stage::new(0, None);
+        let control = Inputs::default();
+        let way = |t: f64| (0..=degree).map(|i| 0.1 * t.powi(i)).sum::<f64>();
+        for tick in 0..400_u32 {
+            let t = f64::from(tick) * TICK_S;
+            let next = RelativeMotion {
+                x_34: Pose::from_translation(DVec3::Y * way(t)),
+                ..RelativeMotion::default()
+            };
+            let mut seen = stage.seen(&control);
+            seen.tick = u64::from(tick);
+            let found = method.command(&seen, &next).pose.motion.x_34.p.y;
+            // Between two ticks a line is off by a T²/8, which the factors add up to 15 times.
+            if tick > 20 {
+                assert!(
+                    (found - way(t + lead_s)).abs() < 15.0 * 0.6 * TICK_S * TICK_S / 8.0,
+                    "{found}"
+                );
+            }
+        }
     }
 }
 

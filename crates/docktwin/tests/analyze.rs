@@ -304,3 +304,30 @@ fn regress_a_rig_that_cannot_reach_is_refused_in_terms_of_its_geometry() {
         assert!(!Path::new(&out).exists(), "nothing is written");
     }
 }
+
+/// Every row with two methods at one delay: the twin has every cell that a lead has, and the plot shows each.
+#[test]
+fn oracle_stability_is_told_by_cell_and_by_method() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let dir = dir.path().join("map");
+    let methods = ["--compensator", "lead", "--compensator", "twin", "--added-ms", "10"];
+    let answer = rig(&dir, &[&["stability"], &methods[..]].concat());
+    let cells = table(&dir, "stability.csv");
+    assert_eq!(cells.1.len(), 2 * 7 * 7);
+    assert!(column(&cells, "added_delay_s").iter().all(|s| (s - 0.01).abs() < 1e-12));
+    let reach = answer["reach"].as_array().expect("a list");
+    let within = |i: usize| reach[i]["within"][1].as_u64().expect("a count");
+    assert_eq!(
+        (reach[0]["method"].as_str(), reach[1]["method"].as_str()),
+        (Some("lead"), Some("twin"))
+    );
+    assert!(within(0) > 5 && within(1) >= 47, "{reach:?}");
+    let svg = std::fs::read_to_string(dir.join("stability.svg")).expect("a plot");
+    assert!(svg.contains("lead") && svg.contains("twin") && svg.contains("2.884 Hz"));
+    drawn(&dir, "stability.svg");
+    let bad = ["--axis", "x+y", "--compensator", "lead"];
+    let file = model("stewart.toml");
+    let (code, told) = run(&[&["analyze", "stability", &file], &bad[..]].concat());
+    assert_eq!(code, Some(2), "{told}");
+    assert!(told.contains("a map is of one axis"), "{told}");
+}

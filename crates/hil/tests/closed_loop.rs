@@ -4,7 +4,7 @@
 mod common;
 
 use common::stick::{Models, axis, emulated, models, settings};
-use docktwin_control::compensation::{Compensation, Residual};
+use docktwin_control::compensation::{Compensation, Published, Residual};
 use docktwin_core::{DVec3, PERIOD_NS, Pose};
 use docktwin_hil::{
     clock::VirtualClock,
@@ -46,6 +46,22 @@ fn invariant_energy_goes_with_the_sign_of_the_delay() {
             assert!((lead.r_e - 1.0).abs() < 0.01, "{name} {}: {lead:?}", row.frequency_hz);
             assert!(over.r_e < 0.97, "{name} {}: {over:?}", row.frequency_hz);
             assert!((twin.r_e - 1.0).abs() < 0.001, "{name} {}: {twin:?}", row.frequency_hz);
+        }
+    }
+}
+
+/// The methods of the literature undo a delay that they know, each within a per cent.
+#[test]
+fn oracle_methods_of_the_literature_undo_a_delay() {
+    let m = models();
+    for name in ["y", "pitch"] {
+        let test = VibroTest::new(TABLE_4[5], &[axis(name)], &m.body, &m.stick).unwrap();
+        for method in Published::ALL {
+            let c = Compensation::Published { method, lead_s: 1.84e-3 };
+            let found = run(&m, &test, &settings(c), |_| {}).contacts[0];
+            println!("{name} {}: {:+.4} {:+.4}", method.name(), found.r_e - 1.0, found.r_t - 1.0);
+            assert!((found.r_e - 1.0).abs() < 0.005, "{name} {}: {found:?}", method.name());
+            assert!((found.r_t - 1.0).abs() < 0.005, "{name} {}: {found:?}", method.name());
         }
     }
 }

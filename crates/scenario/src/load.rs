@@ -331,7 +331,11 @@ fn read_loop(t: &Table<'_, '_>) -> HilSettings {
         moment_limit_nm: maybe(t, "moment_limit_nm"),
     };
     if settings.compensator == Some(CompensatorChoice::None) && settings.lead_s.is_some() {
-        t.refuse("lead_s", "is a lead, but nothing leads", "remove it, or take `lead` or `twin`");
+        t.refuse(
+            "lead_s",
+            "is a lead, but nothing leads",
+            "remove it, or take a method that leads",
+        );
     }
     settings
 }

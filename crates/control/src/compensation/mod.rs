@@ -12,6 +12,7 @@
 //! the command line; `tests/compensation.rs` has the tests that every method must pass. The recipe is in
 //! CONTRIBUTING.md, "A new compensator".
 
+mod believed;
 mod context;
 mod delays;
 mod lead;
@@ -22,11 +23,12 @@ mod twin;
 use docktwin_core::Wrench;
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
+pub use believed::Believed;
 pub use context::{LoopContext, Measured, Phase};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
 pub use published::{Order, Published, PublishedMethod};
-pub use twin::{Believed, Residual, Twin};
+pub use twin::{Residual, Twin};
 
 /// Latches whose phases a measurement has room for.
 pub const LATCHES: usize = 8;

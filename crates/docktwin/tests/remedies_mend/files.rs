@@ -981,7 +981,7 @@ fn scenario() -> Vec<Case> {
             &[&[(S, "= 10000", "= 10")], &[(S, "= 1000.0", "= 1.0")]],
         ),
         case(
-            "remove it, or take `lead` or `twin`",
+            "remove it, or take a method that leads",
             &[(S, "[expect]", late)],
             &[
                 &[(S, "lead_s = 0.01\n", "")],

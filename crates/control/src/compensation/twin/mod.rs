@@ -23,37 +23,20 @@ mod plate;
 mod trust;
 
 use docktwin_core::{StateHasher, Twist};
-use docktwin_model::{Rig, SixAxisSensor};
-use docktwin_physics::{
-    mechanism::System, mounted::Ports, platform::Platform, programme::RelativeMotion,
-};
+use docktwin_physics::{mounted::Ports, platform::Platform, programme::RelativeMotion};
 
 use self::{bands::Bands, ground::Ground, latches::Latches, trust::Trust};
 pub(super) use self::{orbit::Orbit, plate::Plate};
 use super::{
-    Compensator, Demand, ExpectedContact, LATCHES, Lead, LoopContext, Phase, Report, Target,
-    delays::Delays,
+    Believed, Compensator, Demand, ExpectedContact, LATCHES, Lead, LoopContext, Phase, Report,
+    Target, delays::Delays,
 };
-use crate::sensing::SensorScheme;
 
 /// Steps of either twin in a tick.
 const STEPS: u32 = 4;
 /// Largest part of the weight that a balance may leave for the rings to join in orbit where they do on the rig: with
 /// more they sag there.
 const MOST_UNCARRIED: f64 = 0.1;
-
-/// What is believed of a rig and of what stands on it: all that a method may be made of.
-#[derive(Clone, Copy, Debug)]
-pub struct Believed<'a> {
-    /// The rig as its file says.
-    pub rig: &'a Rig,
-    /// The mechanism between its spacecraft, as their files say.
-    pub system: &'a System,
-    /// Where the loop has F4, M4 from.
-    pub scheme: SensorScheme,
-    /// Sensors A and B, with the delay that was calibrated; `None` where they are taken for perfect.
-    pub sensors: Option<[SixAxisSensor; 2]>,
-}
 
 /// What becomes of the residual, measured − ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
