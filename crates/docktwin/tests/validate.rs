@@ -1,5 +1,5 @@
 //! `docktwin validate crosscheck`: refusals. The comparison itself runs in `validation/tests`, where
-//! there is a Python with MuJoCo.
+//! there is a Python with MuJoCo. `docktwin validate vibro-impact` with rigs that the loop does not know.
 
 use std::{
     path::{Path, PathBuf},
@@ -46,4 +46,35 @@ fn regress_bad_input_is_told_before_python_is_looked_for() {
     assert!(said(&o).contains("not docktwin's validation directory"), "{}", said(&o));
     let o = crosscheck(&["scenarios/apas_fast.toml", "--step-ms", "0"]);
     assert_eq!(o.status.code(), Some(2));
+}
+
+/// Two drawn rigs with sticks and dead zones that the loop does not know, identified and calibrated through their ports:
+/// twins leave little, and without commissioning more. A corner is no worse than the middle.
+#[test]
+fn oracle_commissioned_rigs_are_true_and_others_are_not() {
+    let at = tempfile::tempdir().expect("a folder");
+    let run = |name: &str, more: &[&str]| -> Vec<f64> {
+        let out = at.path().join(name);
+        let mut c = Command::new(env!("CARGO_BIN_EXE_docktwin"));
+        c.current_dir(root()).args(["validate", "vibro-impact", "--axis", "y", "--case", "6"]);
+        c.args(["--compensator", "twin", "--json", "--out"]).arg(&out).args(more);
+        let o = c.output().expect("docktwin starts");
+        assert_eq!(o.status.code(), Some(0), "{}", said(&o));
+        let answer: serde_json::Value = serde_json::from_slice(&o.stdout).expect("JSON");
+        let test = &answer["tests"][0];
+        let all = test["draws"].as_array().into_iter().chain(test["contacts"].as_array());
+        all.flatten().map(|c| (c["R_e"].as_f64().expect("a number") - 1.0).abs()).collect()
+    };
+    let drawn = ["--draws", "2", "--draw-stick", "--dead-zone", "8"];
+    let known = run("known", &[&drawn[..], &["--commission"]].concat());
+    let believed = run("believed", &drawn);
+    println!("{known:?} {believed:?}");
+    assert_eq!((known.len(), believed.len()), (3, 3));
+    assert!(known.iter().all(|x| *x < 2e-3), "{known:?}");
+    assert!(believed[0].max(believed[1]) > 2.0 * known[0].max(known[1]), "{believed:?} {known:?}");
+    let corner = run(
+        "corner",
+        &["--corner", "36", "--subtractive", "--dead-zone", "8", "--dead-zone-known"],
+    );
+    assert!(corner[0] < 2e-3, "{corner:?}");
 }

@@ -45,9 +45,14 @@ fn known(seed: u64) -> Known {
     let mut setup = CalibrateSetup::at(place, file);
     let mut sensors = run(free_stick(), &setup);
     setup.tilt_rad = 0.015;
-    setup.touch = Some(Touch { dof: 1, amplitude_m: 0.0135, hz: 2.0 });
+    setup.touch = Some(Touch {
+        dof: 1,
+        amplitude_m: 0.0135,
+        hz: 2.0,
+        play_m: stick().stick.expect("a stick").play_m(),
+    });
     let touched = run(System::new(&body(), &body(), stick()), &setup);
-    sensors.delay_s[0] = touched.delay_s[0];
+    sensors.delay_a_s = touched.delay_a_s;
     Known { stand, found, sensors }
 }
 

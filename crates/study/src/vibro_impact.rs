@@ -797,6 +797,40 @@ mod tests {
         (rig, mechanism.model, body)
     }
 
+    /// In a corner the plate stands where it stands in that corner of the rig as it is, with the mechanism in the
+    /// middle.
+    #[test]
+    fn oracle_a_frame_in_a_corner_is_where_the_workspace_has_one() {
+        let (rig, ..) = models("stick");
+        let corners = docktwin_model::DockingWorkspace::corners();
+        for (i, place) in corners.enumerate() {
+            let moved = in_corner(&rig, i).expect("a corner");
+            let found = moved.plate_from_docking(&rig.docking.pose([0.0; 6]));
+            let wanted = rig.plate_from_docking(&rig.docking.pose(place.0));
+            let off = wanted.inverse() * found;
+            assert!(off.p.length() < 1e-12 && off.q.to_scaled_axis().length() < 1e-12, "{i}");
+        }
+        assert!(in_corner(&rig, 64).is_none());
+    }
+
+    /// A stick that the loop does not know stands on the rig and judges the test, and what is believed stays.
+    #[test]
+    fn oracle_a_stick_that_is_not_known_judges_the_test() {
+        let (_, stick, body) = models("stick");
+        let axes: AxisSet = "x".parse().expect("an axis");
+        let test = VibroTest::new(TABLE_4[5], axes.axes(), &body, &stick).expect("a stick");
+        let other = test.with_stick(1.2, 5e-4);
+        let of = |s: &docktwin_physics::mechanism::System| s.mechanism().stick.expect("a stick");
+        assert!(
+            (of(&other.system).stiffness_n_m / of(&test.system).stiffness_n_m - 1.2).abs() < 1e-12
+        );
+        assert!((of(&other.system).play_m() - of(&test.system).play_m() - 5e-4).abs() < 1e-12);
+        assert_eq!(of(&other.believed), of(&test.system));
+        assert!(
+            (other.contact_time_s() / test.contact_time_s() - 1.2_f64.sqrt().recip()).abs() < 1e-12
+        );
+    }
+
     #[test]
     fn oracle_sets_of_axes_read_as_they_are_written() {
         for text in ["x", "roll", "x+y+roll"] {

@@ -208,7 +208,7 @@ impl Compensation {
             Self::None => Method::None(Uncompensated),
             Self::Lead(lead_s) => Method::Lead(Lead::new(lead_s)),
             Self::Published { method, lead_s } => {
-                Method::Published(method.method(believed, lead_s))
+                Method::Published(Box::new(method.method(believed, lead_s)))
             }
             Self::Twin { lead_s, residual } => {
                 Method::Twin(Box::new(Twin::new(believed, lead_s, residual)))
@@ -226,7 +226,7 @@ pub enum Method {
     /// See [`Lead`].
     Lead(Lead),
     /// See [`Published`].
-    Published(PublishedMethod),
+    Published(Box<PublishedMethod>),
     /// See [`Twin`].
     Twin(Box<Twin>),
 }

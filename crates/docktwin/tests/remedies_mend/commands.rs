@@ -478,6 +478,30 @@ pub(crate) const CASES: &[Case] = &[
         )],
     ),
     words(
+        "leave --preset out",
+        "analyze stability models/urdf/electric_hexapod.toml --preset stiff --compensator none --added-ms 0 --out found",
+        &[(
+            nothing,
+            "analyze stability models/urdf/electric_hexapod.toml --compensator none --added-ms 0 --out found",
+        )],
+    ),
+    words(
+        "give one: a map is of one axis",
+        "analyze stability models/urdf/stewart.toml --axis x+y --compensator none --added-ms 0 --out found",
+        &[(
+            nothing,
+            "analyze stability models/urdf/stewart.toml --axis y --compensator none --added-ms 0 --out found",
+        )],
+    ),
+    words(
+        "leave --draws, --dead-zone and --corner away, or take --rig emulated",
+        "validate vibro-impact --axis x --case 6 --corner 3 --rig ipc:none --out found",
+        &[(
+            nothing,
+            "validate vibro-impact --axis x --case 6 --corner 3 --rig emulated --out found",
+        )],
+    ),
+    words(
         "take `analyze bode` without --preset and --set, which measures their response, or a hydraulic rig",
         "analyze frequency models/urdf/electric_hexapod.toml --out found",
         &[

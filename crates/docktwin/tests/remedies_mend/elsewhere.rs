@@ -138,7 +138,7 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "give a scenario with a stick, scenarios/vibro_impact.toml is one",
             "name one that runs: --rig ipc:NAME",
             "name the scenario whose mechanism stands on the rig: --scenario FILE",
-            "leave --draws away, or take --rig emulated",
+            "put the rig's file beside the models of docktwin",
             "see docs/bring-up-a-rig.md for what a rig needs before a test",
         ],
         Nowhere("they ask a person at a rig, or a rig that runs for minutes"),
