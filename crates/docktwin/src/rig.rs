@@ -51,8 +51,7 @@ sensor A, and of sensor B its zero, the mass, mass centre and inertia of what it
 time by which its samples are later than those of the legs. Takes about a minute of the rig's time.
 
 Sensor A stands still and feels no motion: with --touch-mm a light stick in its frame is swung
-against both ends, and A is compared with B, or, on a rig without a B, with how far the plate has gone
-beyond the play of the stick.
+against both ends, and A is compared with how far the plate has gone beyond the play of the stick.
 
 A rig behind a port moves when somebody confirms it. The file is dated and never overwritten; `hil`
 refers to it by digest.

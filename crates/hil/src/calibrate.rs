@@ -8,16 +8,14 @@
 //! than the motion turns its phase, and all sines together give one time.
 //!
 //! Sensor A stands still and measures no motion. Its lateness is found in a touch: a light stick in its frame, on the
-//! third harmonic of a sine that strikes both ends, where the plate's inertia is next to nothing. Where there is a
-//! sensor B it is that of B and what the two differ by; without, it is counted from the deflection of the stick, which
-//! follows from the measured positions.
+//! third harmonic of a sine that strikes both ends, against the deflection of the stick, which follows from the measured
+//! positions.
 
 use core::f64::consts::TAU;
 
 use docktwin_control::{
     excitation::{Sine, along, displacement},
     harmonic::Harmonic,
-    sensing::opposite,
 };
 use docktwin_core::{DMat3, DQuat, DVec3, Pose, Twist, Wrench};
 use docktwin_model::{RigSensors, SixAxisSensor};
@@ -112,9 +110,7 @@ pub enum CalibrateError {
         gain: f64,
     },
     /// The touch was none.
-    #[error(
-        "the touch was not measured by both sensors: take a larger amplitude, or see the stick"
-    )]
+    #[error("the touch was not measured by sensor A: take a larger amplitude, or see the stick")]
     NoTouch,
 }
 
@@ -183,12 +179,11 @@ pub fn accelerometers_ahead_s(file: &RigSensors) -> f64 {
         .map_or(0.0, |a| sensor_interface(&file.force).lag_s() - sensor_interface(&a).lag_s())
 }
 
-/// What swings in a sine: displacement of the plate, readings of A and of B.
+/// What swings in a sine: displacement of the plate, readings of B.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
     rate_rad_s: f64,
     motion: [C; 6],
-    a: [C; 6],
     b: [C; 6],
     /// Accelerometers, where there are any.
     accelerations: Option<[C; 6]>,
@@ -255,9 +250,8 @@ fn swing<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     place: &Pose,
     sine: &Sine,
-    multiple: usize,
 ) -> Result<Swing, CalibrateError> {
-    let mut h = Harmonic::<24>::new(TAU * sine.hz, MULTIPLES);
+    let mut h = Harmonic::<18>::new(TAU * sine.hz, MULTIPLES);
     let mut measured = true;
     let window = sine.ramp_s + SETTLE_S..sine.ramp_s + sine.steady_s;
     drive.run(
@@ -265,23 +259,20 @@ fn swing<R: Rig, K: Clock>(
         |t| sine.at(t),
         |s| {
             if window.contains(&s.time_s) {
-                let mut x = [0.0; 24];
+                let mut x = [0.0; 18];
                 x[..6].copy_from_slice(&displacement(place, &s.x_34));
-                x[6..12].copy_from_slice(&s.measurement.sensor_a);
-                x[12..18].copy_from_slice(&s.measurement.sensor_b);
-                x[18..].copy_from_slice(&s.measurement.plate_acceleration);
+                x[6..12].copy_from_slice(&s.measurement.sensor_b);
+                x[12..].copy_from_slice(&s.measurement.plate_acceleration);
                 measured &= s.measurement.has(Capabilities::ACCELEROMETER);
                 h.push(s.time_s, &x);
             }
         },
     )?;
     drive.rest(SETTLE_S, |_| ())?;
-    let x = h.found().ok_or(CalibrateError::TooFew)?.amplitude[multiple - 1];
-    #[expect(clippy::cast_precision_loss, reason = "1 or 3")]
-    let rate_rad_s = TAU * sine.hz * multiple as f64;
+    let x = h.found().ok_or(CalibrateError::TooFew)?.amplitude[0];
     let take = |from: usize| core::array::from_fn(|i| x[from + i]);
-    let accelerations = measured.then(|| take(18));
-    Ok(Swing { rate_rad_s, motion: take(0), a: take(6), b: take(12), accelerations })
+    let accelerations = measured.then(|| take(12));
+    Ok(Swing { rate_rad_s: TAU * sine.hz, motion: take(0), b: take(6), accelerations })
 }
 
 /// Means at rest: readings of A and B, and `X_34`.
@@ -317,7 +308,14 @@ pub fn calibrate<R: Rig, K: Clock>(
     }
     if !drive.capabilities().contains(Capabilities::SENSOR_B) {
         let touch = setup.touch.ok_or(CalibrateError::NothingToFind)?;
-        return of_a_alone(drive, setup, &touch);
+        let (mean, _) = at_rest(drive, &setup.place)?;
+        return Ok(Calibration {
+            place: setup.place,
+            tare_a: mean[0],
+            delay_a_s: Some(delay_of_a(drive, setup, &touch)?),
+            of_b: None,
+            accelerometer_delay_s: None,
+        });
     }
     let rig = drive.setup().rig.clone();
     let gravity_4 = |x_34: &Pose| (rig.x_b0 * rig.x_03 * *x_34).q.conjugate() * rig.gravity_m_s2;
@@ -337,7 +335,7 @@ pub fn calibrate<R: Rig, K: Clock>(
         let amplitude = setup.amplitude[dof / 3];
         let steady_s = SETTLE_S + periods / setup.hz;
         let sine = Sine { about: place, dof, amplitude, hz: setup.hz, ramp_s: 0.5, steady_s };
-        swings.push(swing(drive, &place, &sine, 1)?);
+        swings.push(swing(drive, &place, &sine)?);
     }
     let g4 = gravity_4(&place);
     let force = &setup.sensors.force;
@@ -361,14 +359,12 @@ pub fn calibrate<R: Rig, K: Clock>(
         accelerometer_delay_s,
     };
     if let Some(touch) = setup.touch {
-        let apart = touch_skew(drive, setup, &touch, &known.unknowns, known.late_s, g4)?;
-        out.delay_a_s = Some(force.delay_s + known.late_s + apart);
+        out.delay_a_s = Some(delay_of_a(drive, setup, &touch)?);
     }
     Ok(out)
 }
 
 struct Known {
-    unknowns: Row,
     payload: Payload,
     zero: Wrench,
     late_s: f64,
@@ -480,8 +476,7 @@ fn solve(
     }
     #[expect(clippy::cast_precision_loss, reason = "a hundred rows")]
     let rest = rest.map(|s: f64| (2.0 * s / n as f64).sqrt());
-    let unknowns: Row = x.fixed_rows::<UNKNOWNS>(0).into_owned();
-    let u = &unknowns;
+    let u: Row = x.fixed_rows::<UNKNOWNS>(0).into_owned();
     let mass = u[0];
     if mass <= 0.0 || !mass.is_finite() {
         return Err(CalibrateError::Blind);
@@ -495,7 +490,6 @@ fn solve(
     Ok(Known {
         payload: Payload { mass_kg: mass, com_m: com, inertia_kg_m2: about_sensor - steiner },
         zero: Wrench { f: DVec3::new(u[10], u[11], u[12]), m: DVec3::new(u[13], u[14], u[15]) },
-        unknowns,
         late_s,
         rest,
     })
@@ -509,19 +503,18 @@ impl Touch {
     }
 }
 
-/// Tare and lateness of sensor A where there is no B: the force of a stick follows its deflection, which is what the
-/// plate has moved beyond the play.
-fn of_a_alone<R: Rig, K: Clock>(
+/// Delay of sensor A beyond its second order, s, by a touch: the force of a stick follows its deflection, which is what
+/// the plate has moved beyond the play.
+fn delay_of_a<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     setup: &CalibrateSetup,
     touch: &Touch,
-) -> Result<Calibration, CalibrateError> {
+) -> Result<f64, CalibrateError> {
     const THIRD: usize = 2;
     let place = setup.place;
-    let (mean, _) = at_rest(drive, &place)?;
     let sine = touch.sine(&place);
     let window = sine.ramp_s + SETTLE_S..sine.ramp_s + sine.steady_s;
-    let mut h = Harmonic::<4>::new(TAU * sine.hz, MULTIPLES);
+    let mut h = Harmonic::<2>::new(TAU * sine.hz, MULTIPLES);
     drive.run(
         sine.duration_s(),
         |t| sine.at(t),
@@ -529,66 +522,21 @@ fn of_a_alone<R: Rig, K: Clock>(
             if window.contains(&s.time_s) {
                 let way = displacement(&place, &s.x_34)[touch.dof];
                 let deflection = way - way.clamp(-touch.play_m, touch.play_m);
-                let a = s.measurement.sensor_a;
-                h.push(s.time_s, &[deflection, a[0], a[1], a[2]]);
+                h.push(s.time_s, &[deflection, s.measurement.sensor_a[touch.dof]]);
             }
         },
     )?;
     drive.rest(SETTLE_S, |_| ())?;
-    let [deflection, a @ ..] = h.found().ok_or(CalibrateError::TooFew)?.amplitude[THIRD];
+    let [deflection, a] = h.found().ok_or(CalibrateError::TooFew)?.amplitude[THIRD];
     let rate_rad_s = TAU * sine.hz * 3.0;
-    let turn = sensor_interface(&setup.sensors.force).at(rate_rad_s / TAU).inv();
-    let size = a.iter().map(Complex::norm_sqr).sum::<f64>().sqrt();
-    // Along the axis of the touch alone: the others have no part in it.
-    let read = a[touch.dof] * turn;
-    if size < LEAST_TOUCH_N || deflection.norm() <= 0.0 {
+    if a.norm() < LEAST_TOUCH_N || deflection.norm() <= 0.0 {
         return Err(CalibrateError::NoTouch);
     }
     // The stick presses with its deflection on A and against it on the plate: the sign is left open.
+    let read = a * sensor_interface(&setup.sensors.force).at(rate_rad_s / TAU).inv();
     let apart = read * deflection.conj();
     let apart = if apart.re < 0.0 { -apart } else { apart };
-    Ok(Calibration {
-        place,
-        tare_a: mean[0],
-        delay_a_s: Some(setup.sensors.force.delay_s - apart.arg() / rate_rad_s),
-        of_b: None,
-        accelerometer_delay_s: None,
-    })
-}
-
-/// How much later sensor A is than B, s.
-fn touch_skew<R: Rig, K: Clock>(
-    drive: &mut Drive<R, K>,
-    setup: &CalibrateSetup,
-    touch: &Touch,
-    unknowns: &Row,
-    late_s: f64,
-    gravity_4: DVec3,
-) -> Result<f64, CalibrateError> {
-    const MULTIPLE: usize = 3;
-    let place = setup.place;
-    let sine = touch.sine(&place);
-    let s = swing(drive, &place, &sine, MULTIPLE)?;
-    let rows = swing_rows(&s, place.q, gravity_4);
-    let b = unlagged(&s.b, s.rate_rad_s, &setup.sensors.force, late_s);
-    let a = unlagged(&s.a, s.rate_rad_s, &setup.sensors.force, late_s);
-    let part = |x: &[C; 6], im: bool| {
-        let x = x.map(|c| if im { c.im } else { c.re });
-        wrench(&x)
-    };
-    let at_4 = [false, true].map(|im| opposite(&part(&a, im), &place).f);
-    let (mut across, mut square) = (0.0, 0.0);
-    for i in 0..3 {
-        let of_b = b[i] - C::new(rows[0][i].dot(unknowns), rows[1][i].dot(unknowns));
-        let of_a = C::new(at_4[0][i], at_4[1][i]);
-        across -= (of_b.conj() * of_a).im;
-        square += of_b.norm_sqr();
-    }
-    // A touch is far above noise.
-    if square.sqrt() < LEAST_TOUCH_N {
-        return Err(CalibrateError::NoTouch);
-    }
-    Ok(across / square / s.rate_rad_s)
+    Ok(setup.sensors.force.delay_s - apart.arg() / rate_rad_s)
 }
 
 /// Least third harmonic of a touch, N.

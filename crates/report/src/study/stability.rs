@@ -69,26 +69,27 @@ fn plot(found: &Stability, added_s: f64) -> Plot<'_> {
         "{}, {}: lag of {total_ms:.1} ms, worst of all that is believed wrongly",
         found.rig, found.axis
     ))
-    .x_axis(Axis::new("row of Table 4 by the frequency of its contact", "").range(0.0..7.0))
+    .x_axis(
+        Axis::new("row of Table 4, 0.235 to 5 Hz; worst figure in the bars", "").range(0.5..7.5),
+    )
     .margin_left(140.0);
     for (name, of) in LEGEND {
         out = out.legend(name, of);
     }
     for method in found.methods() {
-        let mut rows: Vec<(usize, f64, Option<f64>)> = Vec::new();
+        let mut rows: Vec<(usize, Option<f64>)> = Vec::new();
         for c in found.of(method).filter(|c| c.added_s.to_bits() == added_s.to_bits()) {
-            match rows.iter_mut().find(|(case, ..)| *case == c.case) {
-                Some((_, _, worst)) => *worst = worse(*worst, c),
-                None => rows.push((c.case, c.frequency_hz, c.worst())),
+            match rows.iter_mut().find(|(case, _)| *case == c.case) {
+                Some((_, worst)) => *worst = worse(*worst, c),
+                None => rows.push((c.case, c.worst())),
             }
         }
         #[expect(clippy::cast_precision_loss, reason = "seven rows")]
-        let bar = |(case, hz, worst): (usize, f64, Option<f64>)| Bar {
-            range: (case - 1) as f64 + 0.03..case as f64 - 0.03,
+        let bar = |(case, worst): (usize, Option<f64>)| Bar {
+            range: case as f64 - 0.47..case as f64 + 0.47,
             colour: colour(worst),
             height: 0.8,
-            label: worst
-                .map_or_else(|| format!("{hz} Hz"), |x| format!("{hz} Hz: {:.2} %", x * 100.0)),
+            label: worst.map_or_else(String::new, |x| format!("{:.2} %", x * 100.0)),
         };
         out = out.lane(Lane { name: method.to_owned(), bars: rows.into_iter().map(bar).collect() });
     }
