@@ -134,7 +134,10 @@ fn invariant_files_come_back_as_they_were_written() {
     };
     let unknown = bad("a.toml", whole.replace("rest_n =", "rest_newton ="));
     assert!(matches!(read::<CalibrationFile>(&unknown), Err(RigFileError::Content { .. })));
-    let mass = format!("payload_mass_kg = {:?}", found.content.payload_mass_kg);
+    let mass = found.content.payload_mass_kg.expect("a sensor B");
+    let mass = format!("payload_mass_kg = {mass:?}");
+    let torn = bad("d.toml", whole.replace(&mass, ""));
+    assert!(matches!(read::<CalibrationFile>(&torn), Err(RigFileError::Content { .. })));
     let negative = bad("b.toml", whole.replace(&mass, "payload_mass_kg = nan"));
     assert!(matches!(read::<CalibrationFile>(&negative), Err(RigFileError::Value { .. })));
     assert!(matches!(read::<IdentificationFile>(&sensors), Err(RigFileError::Content { .. })));

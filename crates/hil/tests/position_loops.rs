@@ -202,7 +202,7 @@ fn invariant_it_reports_what_its_file_has() {
     let mut drive = drive_of(&stand, plant);
     let sensors = stand.rig.sensors.expect("it has sensors");
     let refused = calibrate(&mut drive, &CalibrateSetup::at(stand.middle(), sensors));
-    assert_eq!(refused.expect_err("it has no sensor B"), CalibrateError::NoSensor);
+    assert_eq!(refused.expect_err("it has no sensor B"), CalibrateError::NothingToFind);
 }
 
 /// The checklist passes with sensor A alone, also on a hydraulic rig, and asks for B where two are wanted.

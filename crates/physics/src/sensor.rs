@@ -127,7 +127,8 @@ impl Sensor {
         self.past[(self.steps % KEPT as u64) as usize] = felt;
         self.steps += 1;
         // Between two kept steps it goes on straight.
-        let back = (self.parameters.model.delay_s / self.step_s).min((KEPT - 4) as f64);
+        // A delay that was calibrated may come out a microsecond below none.
+        let back = (self.parameters.model.delay_s / self.step_s).clamp(0.0, (KEPT - 4) as f64);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 60")]
         let whole = back as u64;
         let part = back - back.floor();
@@ -223,6 +224,19 @@ mod tests {
             assert!((f64::hypot(re, im) - gain).abs() < 2e-3, "{hz}: gain");
             assert!((im.atan2(re) - want).abs() < w * 2e-6 + 1e-4, "{hz}: {}", im.atan2(re) - want);
         }
+    }
+
+    /// A delay calibrated as a microsecond below none is none; it was a whole step.
+    #[test]
+    fn regress_a_delay_below_none_is_none() {
+        let [mut none, mut below] =
+            [0.0, -1e-6].map(|delay_s| sensor(SixAxisSensor { delay_s, ..FORCE }));
+        for i in 0..50 {
+            let felt = force(f64::from(i));
+            none.step(felt);
+            below.step(felt);
+        }
+        assert_eq!(none.read(0.0), below.read(0.0));
     }
 
     #[test]

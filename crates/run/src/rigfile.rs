@@ -293,6 +293,11 @@ pub trait RigFile: Serialize + DeserializeOwned {
 
     /// Numbers with the range that they may have.
     fn numbers(&self) -> Vec<(String, f64, [f64; 2])>;
+
+    /// What does not belong together.
+    fn torn(&self) -> Option<String> {
+        None
+    }
 }
 
 impl RigFile for IdentificationFile {
@@ -347,6 +352,21 @@ impl RigFile for CalibrationFile {
         &self.origin
     }
 
+    fn torn(&self) -> Option<String> {
+        let of_b = [
+            self.zero_b_n.is_some(),
+            self.zero_b_nm.is_some(),
+            self.payload_mass_kg.is_some(),
+            self.payload_com_m.is_some(),
+            self.payload_inertia_kg_m2.is_some(),
+            self.delay_b_s.is_some(),
+            self.rest_n.is_some(),
+            self.rest_nm.is_some(),
+        ];
+        let some = of_b.contains(&true) && of_b.contains(&false);
+        some.then(|| "it has a part of what is of sensor B, and not all of it".to_owned())
+    }
+
     fn numbers(&self) -> Vec<(String, f64, [f64; 2])> {
         let mut out = vec![
             ("payload_mass_kg".to_owned(), self.payload_mass_kg.unwrap_or(1.0), [1e-6, 1e6]),
@@ -393,6 +413,9 @@ pub fn read<T: RigFile>(path: &Path) -> Result<Read<T>, RigFileError> {
     let (schema, kind) = found.head();
     if schema != SCHEMA || kind != T::KIND {
         return Err(content(format!("it is `{kind}`, schema {schema}")));
+    }
+    if let Some(why) = found.torn() {
+        return Err(content(why));
     }
     for (key, value, [least, most]) in found.numbers() {
         if !(least..=most).contains(&value) {
