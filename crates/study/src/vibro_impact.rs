@@ -143,6 +143,8 @@ pub struct VibroOptions {
     pub seed: u64,
     /// What an emulated rig has and the loop does not believe.
     pub unknown: Unknown,
+    /// Drawn rigs one after the other, as in real time.
+    pub one_at_a_time: bool,
 }
 
 impl VibroOptions {
@@ -162,6 +164,7 @@ impl VibroOptions {
             preset: None,
             seed: 0,
             unknown: Unknown::NOTHING,
+            one_at_a_time: false,
         }
     }
 
@@ -660,11 +663,16 @@ fn test<'a, E: Send>(
     let test =
         VibroTest::new(row, axes.axes(), models.spacecraft, models.stick).ok_or_else(no_stick)?;
     let TestRun { run: on_file, timing } = run(&test, RigDraw::File)?;
-    let draws = in_parallel(options.draws as usize, &mut (), |i| {
+    let drawn = |i| {
         let draw = options.draw(i);
         let drawn = run(&options.unknown.test(&test, draw), draw)?.run;
         Ok::<_, E>(drawn.contacts.first().map(ContactFigures::from))
-    })?;
+    };
+    let draws = if options.one_at_a_time {
+        (0..options.draws as usize).map(drawn).collect::<Result<_, E>>()?
+    } else {
+        in_parallel(options.draws as usize, &mut (), drawn)?
+    };
     Ok(Tested {
         axes,
         case,

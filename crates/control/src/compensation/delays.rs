@@ -7,15 +7,16 @@ use docktwin_model::{Drive, PositionLoop};
 use docktwin_physics::programme::RelativeMotion;
 
 use super::Believed;
+use crate::sensing::SensorScheme;
 
-/// Lag of the plate behind its command, and of sensor A behind the force.
+/// Lag of the plate behind its command, and of the force sensor behind the force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Delays {
     /// Dead time of the plate, s.
     dead_s: f64,
     /// Lag of the drives: coefficients of s and s² of the inverse of their transfer function, s and s².
     lag: [f64; 2],
-    /// Of sensor A, s.
+    /// Of the sensor that F4, M4 come from, s.
     pub(super) sensor_s: f64,
 }
 
@@ -36,10 +37,11 @@ fn inverse_of(drive: &Drive) -> [f64; 2] {
 impl Delays {
     /// Of a rig as believed; `lead_s` is the lag of plate and sensor together, as identified or believed.
     pub(super) fn new(believed: &Believed<'_>, lead_s: f64) -> Self {
-        let of_a = believed.sensors.as_ref().map_or(0.0, |[a, _]| {
-            a.delay_s + 2.0 * a.damping_ratio / (TAU * a.natural_frequency_hz)
+        let of_sensor = believed.sensors.as_ref().map_or(0.0, |[a, b]| {
+            let of = if believed.scheme == SensorScheme::Two { b } else { a };
+            of.delay_s + 2.0 * of.damping_ratio / (TAU * of.natural_frequency_hz)
         });
-        let sensor_s = of_a.min(lead_s);
+        let sensor_s = of_sensor.clamp(0.0, lead_s);
         let plate_s = lead_s - sensor_s;
         let [first, second] = inverse_of(&believed.rig.drive);
         // Drives that are quicker than the file says.

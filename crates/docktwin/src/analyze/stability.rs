@@ -81,8 +81,17 @@ pub(super) fn run(args: &StabilityArgs, json: bool) -> Result<ExitCode, Failure>
         chosen.extend(CompensatorChoice::WORDS.map(|(_, choice)| choice));
         chosen.retain(|c| *c != CompensatorChoice::TwinModelOnly);
     }
+    let mut once = Vec::new();
+    chosen.retain(|c| {
+        let new = !once.contains(c);
+        once.push(*c);
+        new
+    });
     let methods = chosen.into_iter().map(|c| compensation(c, 0.0));
-    let added = if args.added_ms.is_empty() { vec![0, 5, 10, 20] } else { args.added_ms.clone() };
+    let mut added =
+        if args.added_ms.is_empty() { vec![0, 5, 10, 20] } else { args.added_ms.clone() };
+    added.sort_unstable();
+    added.dedup();
     let options = StabilityOptions {
         methods: methods.collect::<Result<_, _>>()?,
         axis: *axis,

@@ -10,7 +10,7 @@ use docktwin_model::{DeadZoneLaw, Rig};
 use docktwin_report::study::vibro_impact as report;
 use docktwin_run::{
     commission::DriveOptions,
-    rig_place::{RigPlace, compensation, confirm, identification},
+    rig_place::{ClockKind, RigPlace, compensation, confirm, identification},
 };
 use docktwin_scenario::CompensatorChoice;
 use docktwin_study::{
@@ -250,6 +250,7 @@ fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
     if args.draw_stick {
         (options.unknown.stiffness, options.unknown.play_m) = (0.2, 5e-4);
     }
+    options.one_at_a_time = args.led.clock.kind() == ClockKind::Realtime;
     options.unknown.dead_zone_n = args.dead_zone;
     options.unknown.calibrated = args.dead_zone_known;
     if args.subtractive {

@@ -106,10 +106,11 @@ fn worse(worst: Option<f64>, c: &Cell) -> Option<f64> {
 pub fn words(found: &Stability) -> String {
     let mut out = format!(
         "{}, {}: what can be tested with a lag of {:.2} ms and more; R_e, R_T, peak and RMS error of the force all within\n\
+         and, of the least lag, the highest frequency up to which all rows are\n\
          {:22} cells within 1, 2, 5 %      up to Hz, as believed      up to Hz, believed wrongly\n",
         found.rig,
         found.axis,
-        found.lead_s * 1e3,
+        (found.lead_s + found.delays_s().into_iter().fold(f64::INFINITY, f64::min)) * 1e3,
         "method"
     );
     let hz = |x: &Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{x}"));

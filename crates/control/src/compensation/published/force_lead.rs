@@ -23,7 +23,7 @@ const ALPHA: f64 = 0.1;
 pub(super) struct ForceLead {
     delays: Delays,
     /// The last measurement, and the rates of its wrenches, N/s and N·m/s.
-    before: Option<Ports>,
+    before: Option<(u64, Ports)>,
     rate: Ports,
 }
 
@@ -45,10 +45,14 @@ impl Does for ForceLead {
             return None;
         }
         if seen.measured.fresh {
-            let before = self.before.replace(*seen.ports).unwrap_or(*seen.ports);
-            let now = (*seen.ports - before) * (1.0 / seen.period_s);
+            let (tick, before) =
+                self.before.replace((seen.tick, *seen.ports)).unwrap_or((seen.tick, *seen.ports));
+            // Over the ticks since the last measurement there was.
+            #[expect(clippy::cast_precision_loss, reason = "a few ticks")]
+            let since_s = seen.tick.saturating_sub(tick).max(1) as f64 * seen.period_s;
+            let now = (*seen.ports - before) * (1.0 / since_s);
             let own_s = ALPHA * self.delays.sensor_s;
-            let part = if own_s > 0.0 { 1.0 - (-seen.period_s / own_s).exp() } else { 1.0 };
+            let part = if own_s > 0.0 { 1.0 - (-since_s / own_s).exp() } else { 1.0 };
             self.rate = self.rate + (now - self.rate) * part;
         }
         Some(self.rate * self.delays.sensor_s)
@@ -60,7 +64,8 @@ impl Does for ForceLead {
 
     fn digest(&self) -> Option<u64> {
         let mut h = StateHasher::new();
-        let before = self.before.unwrap_or_default();
+        let (tick, before) = self.before.unwrap_or_default();
+        h.u64(tick);
         for w in [before.port3, before.port4, self.rate.port3, self.rate.port4] {
             h.vec3(w.f);
             h.vec3(w.m);

@@ -117,11 +117,12 @@ impl Does for Polynomial {
     }
 
     fn digest(&self) -> Option<u64> {
-        // The motions are those of the bodies, which a digest of a run has: how far back is enough.
         let mut h = StateHasher::new();
         h.u64(self.tick.unwrap_or(u64::MAX));
+        // The newest are those of the bodies, which a digest of a run has; how far back it remembers is in the oldest.
         let oldest = &self.past[(self.newest + 1) % KEPT];
         h.vec3(oldest.x_34.p);
+        h.quat(oldest.x_34.q);
         Some(h.finish().short())
     }
 }

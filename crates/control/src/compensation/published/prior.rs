@@ -10,7 +10,7 @@
 //! balance and (12) do: what the twins of `twin` have beyond it is what that is worth. Latches of both catch by
 //! themselves. Nothing watches whether the model is right.
 
-use docktwin_core::{StateHasher, Twist};
+use docktwin_core::{Pose, StateHasher, Twist};
 use docktwin_model::MOST_LATCHES;
 use docktwin_physics::{
     mechanism::LatchRule, mounted::Ports, platform::Platform, programme::RelativeMotion,
@@ -34,6 +34,7 @@ pub(super) struct Prior {
     models: [Orbit; 2],
     /// Wrenches of that at the plate, newest first.
     past: [Ports; KEPT],
+    plate: Option<Pose>,
     correction: Ports,
 }
 
@@ -45,6 +46,7 @@ impl Prior {
             platform: Platform::new(believed.rig),
             models: [model.clone(), model],
             past: [Ports::default(); KEPT],
+            plate: None,
             correction: Ports::default(),
         }
     }
@@ -62,7 +64,7 @@ impl Prior {
 impl Does for Prior {
     fn reset(&mut self) {
         self.models.iter_mut().for_each(Orbit::reset);
-        self.past = [Ports::default(); KEPT];
+        (self.past, self.plate) = ([Ports::default(); KEPT], None);
         self.correction = Ports::default();
     }
 
@@ -74,12 +76,16 @@ impl Does for Prior {
         let own = [LatchRule::Own; MOST_LATCHES];
         let [at_bodies, at_plate] = &mut self.models;
         at_bodies.advance(&bodies, &Twist::default(), own);
-        if seen.measured.fresh {
-            let plate = Plate { x_bp: seen.measured.x_bp, twist: bodies.twist };
-            at_plate.advance(&plate, &Twist::default(), own);
-            self.past.rotate_right(1);
-            self.past[0] = *at_plate.ports();
-        }
+        // Without a measurement the plate goes on with the bodies.
+        let x_bp = if seen.measured.fresh {
+            seen.measured.x_bp
+        } else {
+            Platform::moved(&self.plate.unwrap_or(seen.measured.x_bp), &bodies.twist, seen.period_s)
+        };
+        self.plate = Some(x_bp);
+        at_plate.advance(&Plate { x_bp, twist: bodies.twist }, &Twist::default(), own);
+        self.past.rotate_right(1);
+        self.past[0] = *at_plate.ports();
         let late = self.ago(self.delays.sensor_s / seen.period_s);
         let correction = *self.models[0].ports() - late;
         let finite = correction.port3.is_finite() && correction.port4.is_finite();

@@ -154,14 +154,14 @@ impl Smith {
         let Between { way, rate, place } = *at;
         let (size, threshold) = (f.length(), self.observes.map_or(0.0, |x| x[which]));
         let contact = &mut self.contacts[which];
-        let [k, c] = contact.identified(MOST[which], NOISE[which]);
         contact.touches = size > TOUCH[which].max(threshold);
+        if contact.touches && contact.direction.dot(f) < 0.5 * size {
+            // Another contact: nothing of the last one counts.
+            *contact = Contact { touches: true, ..Contact::default() };
+        }
+        let [k, c] = contact.identified(MOST[which], NOISE[which]);
         if contact.touches {
             let n = f / size;
-            if contact.direction.dot(n) < 0.5 {
-                // Another contact: nothing of the last one counts.
-                *contact = Contact { direction: n, touches: true, ..Contact::default() };
-            }
             contact.direction = n;
             if k > 0.0 {
                 let begins = -n.dot(place) - size / k;
@@ -177,7 +177,11 @@ impl Smith {
         // What the dead zone hides, at the place of the bodies.
         let n = contact.direction;
         let hidden = k * (-n.dot(place + way) - begins);
-        n * if hidden > 0.0 && hidden < 2.0 * threshold { hidden - size } else { 0.0 }
+        n * if size <= threshold && hidden > 0.0 && hidden < 2.0 * threshold {
+            hidden - size
+        } else {
+            0.0
+        }
     }
 
     /// Least squares over what has changed.
@@ -252,6 +256,14 @@ impl Does for Smith {
 
     fn digest(&self) -> Option<u64> {
         let mut h = StateHasher::new();
+        h.u64(self.kept as u64);
+        // What it remembers is what was measured; how far back, the ends tell.
+        for seen in self.past.first().into_iter().chain(self.past[..self.kept].last()) {
+            h.vec3(seen.x_34.p);
+            h.quat(seen.x_34.q);
+            h.vec3(seen.wrench.f);
+            h.vec3(seen.wrench.m);
+        }
         for c in &self.contacts {
             c.sums.iter().for_each(|x| h.f64(*x));
             h.vec3(c.direction);
