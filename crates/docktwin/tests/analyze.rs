@@ -326,7 +326,7 @@ fn oracle_stability_is_told_by_cell_and_by_method() {
     let svg = std::fs::read_to_string(dir.join("stability.svg")).expect("a plot");
     assert!(svg.contains("lead") && svg.contains("twin") && svg.contains("row of Table 4"));
     drawn(&dir, "stability.svg");
-    let bad = ["--axis", "x+y", "--compensator", "lead"];
+    let bad = ["--axis", "x+y", "--compensator", "lead", "--json"];
     let file = model("stewart.toml");
     let (code, told) = run(&[&["analyze", "stability", &file], &bad[..]].concat());
     assert_eq!(code, Some(2), "{told}");
