@@ -14,15 +14,21 @@ pub fn along(dof: usize, by: f64) -> Twist {
     if dof < 3 { Twist { v: axis, w: DVec3::ZERO } } else { Twist { v: DVec3::ZERO, w: axis } }
 }
 
-/// Displacement from `place`: of the origin of `e4`, m, and rotation vector, rad, both in `e3`.
+/// By what a pose is away from `place`: way of the origin of `e4`, m, and rotation vector, rad, both in `e3`.
 #[must_use]
-pub fn displacement(place: &Pose, x_34: &Pose) -> [f64; 6] {
+pub fn apart(place: &Pose, x_34: &Pose) -> Twist {
     let mut q = (x_34.q * place.q.conjugate()).normalize();
     if q.w < 0.0 {
         q = -q;
     }
-    let (p, w) = (x_34.p - place.p, q.to_scaled_axis());
-    [p.x, p.y, p.z, w.x, w.y, w.z]
+    Twist { v: x_34.p - place.p, w: q.to_scaled_axis() }
+}
+
+/// The same, component by component.
+#[must_use]
+pub fn displacement(place: &Pose, x_34: &Pose) -> [f64; 6] {
+    let Twist { v, w } = apart(place, x_34);
+    [v.x, v.y, v.z, w.x, w.y, w.z]
 }
 
 /// The motion that is displaced along one degree of freedom by `x[0]`, with its derivatives.

@@ -9,6 +9,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use docktwin_model::SixAxisSensor;
 use nalgebra::{Complex, DMatrix, DVector};
 
 type C = Complex<f64>;
@@ -55,6 +56,12 @@ impl Interface {
     pub fn second_order(natural_frequency_hz: f64, damping_ratio: f64, delay_s: f64) -> Self {
         let w = TAU * natural_frequency_hz;
         Self { delay_s, numerator: [0.0; 2], denominator: [2.0 * damping_ratio / w, 1.0 / (w * w)] }
+    }
+
+    /// A force sensor as part of the interface.
+    #[must_use]
+    pub fn of_sensor(sensor: &SixAxisSensor) -> Self {
+        Self::second_order(sensor.natural_frequency_hz, sensor.damping_ratio, sensor.delay_s)
     }
 
     /// Response at `hz`.

@@ -62,7 +62,8 @@ pub const fn taken_off(sensor: &SixAxisSensor) -> [f64; 2] {
 }
 
 /// A reading with the threshold put back. Where it is zero, the force is somewhere within the dead zone.
-fn put_back(w: &Wrench, threshold: [f64; 2]) -> Wrench {
+#[must_use]
+pub fn put_back(w: &Wrench, threshold: [f64; 2]) -> Wrench {
     each(w, threshold, |x, by| if x == 0.0 { 0.0 } else { x + by.copysign(x) })
 }
 

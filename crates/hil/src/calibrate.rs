@@ -16,6 +16,8 @@ use core::f64::consts::TAU;
 use docktwin_control::{
     excitation::{Sine, along, displacement},
     harmonic::Harmonic,
+    one_sided::Interface,
+    sensing::{put_back, taken_off},
 };
 use docktwin_core::{DMat3, DQuat, DVec3, Pose, Twist, Wrench};
 use docktwin_model::{RigSensors, SixAxisSensor};
@@ -29,7 +31,6 @@ use nalgebra::{Complex, DMatrix, DVector, SVector};
 use crate::{
     clock::Clock,
     drive::{Drive, DriveError, Sample},
-    identify::sensor_interface,
 };
 
 type C = Complex<f64>;
@@ -168,15 +169,16 @@ impl Calibration {
     /// Lateness of a slow force in the readings of a sensor, s.
     #[must_use]
     pub fn lag_s(&self, which: usize, file: &SixAxisSensor) -> f64 {
-        sensor_interface(&self.sensor(which, file)).lag_s()
+        Interface::of_sensor(&self.sensor(which, file)).lag_s()
     }
 }
 
 /// Lag of sensor B less that of the accelerometers as the rig's file says, s.
 #[must_use]
 pub fn accelerometers_ahead_s(file: &RigSensors) -> f64 {
-    file.accelerometer
-        .map_or(0.0, |a| sensor_interface(&file.force).lag_s() - sensor_interface(&a).lag_s())
+    file.accelerometer.map_or(0.0, |a| {
+        Interface::of_sensor(&file.force).lag_s() - Interface::of_sensor(&a).lag_s()
+    })
 }
 
 /// What swings in a sine: displacement of the plate, readings of B.
@@ -250,6 +252,7 @@ fn swing<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     place: &Pose,
     sine: &Sine,
+    off: [f64; 2],
 ) -> Result<Swing, CalibrateError> {
     let mut h = Harmonic::<18>::new(TAU * sine.hz, MULTIPLES);
     let mut measured = true;
@@ -261,7 +264,8 @@ fn swing<R: Rig, K: Clock>(
             if window.contains(&s.time_s) {
                 let mut x = [0.0; 18];
                 x[..6].copy_from_slice(&displacement(place, &s.x_34));
-                x[6..12].copy_from_slice(&s.measurement.sensor_b);
+                let felt = put_back(&wrench(&s.measurement.sensor_b), off);
+                x[6..12].copy_from_slice(&six(felt.f, felt.m));
                 x[12..].copy_from_slice(&s.measurement.plate_acceleration);
                 measured &= s.measurement.has(Capabilities::ACCELEROMETER);
                 h.push(s.time_s, &x);
@@ -279,13 +283,14 @@ fn swing<R: Rig, K: Clock>(
 fn at_rest<R: Rig, K: Clock>(
     drive: &mut Drive<R, K>,
     place: &Pose,
+    off: [f64; 2],
 ) -> Result<([Wrench; 2], Pose), CalibrateError> {
     drive.go(place)?;
     drive.rest(SETTLE_S, |_| ())?;
     let (mut sum, mut n, mut last) = ([Wrench::ZERO; 2], 0.0, *place);
     drive.rest(REST_S, |s: &Sample| {
         sum[0] += wrench(&s.measurement.sensor_a);
-        sum[1] += wrench(&s.measurement.sensor_b);
+        sum[1] += put_back(&wrench(&s.measurement.sensor_b), off);
         n += 1.0;
         last = s.x_34;
     })?;
@@ -306,9 +311,11 @@ pub fn calibrate<R: Rig, K: Clock>(
     if !drive.capabilities().contains(Capabilities::SENSOR_A) {
         return Err(CalibrateError::NoSensor);
     }
+    // What a dead zone takes off the readings of B.
+    let off = taken_off(&setup.sensors.force);
     if !drive.capabilities().contains(Capabilities::SENSOR_B) {
         let touch = setup.touch.ok_or(CalibrateError::NothingToFind)?;
-        let (mean, _) = at_rest(drive, &setup.place)?;
+        let (mean, _) = at_rest(drive, &setup.place, off)?;
         return Ok(Calibration {
             place: setup.place,
             tare_a: mean[0],
@@ -324,7 +331,7 @@ pub fn calibrate<R: Rig, K: Clock>(
     let mut tare_a = None;
     for (dof, sign) in [(0, 0.0), (4, 1.0), (4, -1.0), (5, 1.0), (5, -1.0)] {
         let turn = DQuat::from_scaled_axis(along(dof, sign * setup.tilt_rad).w);
-        let (mean, x_34) = at_rest(drive, &Pose::new(place.p, (turn * place.q).normalize()))?;
+        let (mean, x_34) = at_rest(drive, &Pose::new(place.p, (turn * place.q).normalize()), off)?;
         tare_a.get_or_insert(mean[0]);
         still.push((rows(gravity_4(&x_34), &Twist::default(), 1.0), six(mean[1].f, mean[1].m)));
     }
@@ -335,7 +342,7 @@ pub fn calibrate<R: Rig, K: Clock>(
         let amplitude = setup.amplitude[dof / 3];
         let steady_s = SETTLE_S + periods / setup.hz;
         let sine = Sine { about: place, dof, amplitude, hz: setup.hz, ramp_s: 0.5, steady_s };
-        swings.push(swing(drive, &place, &sine)?);
+        swings.push(swing(drive, &place, &sine, off)?);
     }
     let g4 = gravity_4(&place);
     let force = &setup.sensors.force;
@@ -411,7 +418,7 @@ const LARGEST_GAIN_ERROR: f64 = 0.2;
 
 /// A reading before the sensor's lag, brought forward by `late_s`.
 fn unlagged(b: &[C; 6], rate_rad_s: f64, sensor: &SixAxisSensor, late_s: f64) -> [C; 6] {
-    let h = sensor_interface(sensor).at(rate_rad_s / TAU);
+    let h = Interface::of_sensor(sensor).at(rate_rad_s / TAU);
     let turn = C::new(0.0, rate_rad_s * late_s).exp() / h;
     b.map(|x| x * turn)
 }
@@ -533,7 +540,7 @@ fn delay_of_a<R: Rig, K: Clock>(
         return Err(CalibrateError::NoTouch);
     }
     // The stick presses with its deflection on A and against it on the plate: the sign is left open.
-    let read = a * sensor_interface(&setup.sensors.force).at(rate_rad_s / TAU).inv();
+    let read = a * Interface::of_sensor(&setup.sensors.force).at(rate_rad_s / TAU).inv();
     let apart = read * deflection.conj();
     let apart = if apart.re < 0.0 { -apart } else { apart };
     Ok(setup.sensors.force.delay_s - apart.arg() / rate_rad_s)

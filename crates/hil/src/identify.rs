@@ -163,7 +163,7 @@ impl Identification {
     /// calibrated.
     #[must_use]
     pub fn interface(&self, dof: usize, sensor: &SixAxisSensor) -> Vec<FrequencyPoint> {
-        let s = sensor_interface(sensor);
+        let s = Interface::of_sensor(sensor);
         let of_dof = self.response.iter().filter(|p| p.dof == dof);
         of_dof.map(|p| FrequencyPoint { hz: p.hz, response: p.gain * s.at(p.hz) }).collect()
     }
@@ -172,7 +172,7 @@ impl Identification {
     /// the degrees of freedom measured; without any, delay and sensor.
     #[must_use]
     pub fn lead_s(&self, sensor: &SixAxisSensor) -> f64 {
-        let s = sensor_interface(sensor);
+        let s = Interface::of_sensor(sensor);
         let lags: Vec<f64> = (0..6)
             .filter_map(|dof| {
                 let points = self.interface(dof, sensor);
@@ -196,12 +196,6 @@ const BAND_MIDDLE_HZ: f64 = 2.308;
 #[must_use]
 pub fn polar(gain: f64, phase_rad: f64) -> Complex<f64> {
     Complex::from_polar(gain, phase_rad)
-}
-
-/// A force sensor as part of the interface.
-#[must_use]
-pub fn sensor_interface(sensor: &SixAxisSensor) -> Interface {
-    Interface::second_order(sensor.natural_frequency_hz, sensor.damping_ratio, sensor.delay_s)
 }
 
 fn corrections(p: &Pass, no_load_speed_m_s: Option<&[f64; 6]>) -> LegCorrections {

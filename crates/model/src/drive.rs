@@ -146,6 +146,14 @@ impl PositionLoop {
         self.damping_ratio.map_or(1.0, |z| 2.0 * z) / (TAU * self.natural_frequency_hz)
     }
 
+    /// Coefficients of s and s² of the inverse of the loop's transfer function, its delay apart, s and s²: 2ζ/ω and
+    /// 1/ω², or 1/ω and 0 of a first order.
+    #[must_use]
+    pub fn inverse(&self) -> [f64; 2] {
+        let w = TAU * self.natural_frequency_hz;
+        [self.loop_lag_s(), self.damping_ratio.map_or(0.0, |_| 1.0 / (w * w))]
+    }
+
     /// From the commanded to the actual length at a frequency, the delay included.
     #[must_use]
     pub fn response(&self, hz: f64) -> Complex<f64> {

@@ -47,19 +47,18 @@ impl RelativeMotion {
         }
     }
 
-    /// The motion `time_s` later with constant jerk: the Taylor series that [`RelativeMotion::led`] is not.
+    /// The motion carried on by a series: position `x + c₁ v + c₂ a + c₃ j`, and its derivatives as far as they are
+    /// known. With t, t²/2 and t³/6 it is the motion a time t later, with constant jerk: the Taylor series that
+    /// [`RelativeMotion::led`] is not.
     #[must_use]
-    pub fn ahead(&self, time_s: f64) -> Self {
-        let (t, x) = (time_s, &self.x_34);
-        let way = sum(
-            sum(sum(Twist::default(), self.twist, t), self.acceleration, t * t / 2.0),
-            self.jerk,
-            t * t * t / 6.0,
-        );
+    pub fn by_series(&self, [c1, c2, c3]: [f64; 3]) -> Self {
+        let x = &self.x_34;
+        let way =
+            sum(sum(sum(Twist::default(), self.twist, c1), self.acceleration, c2), self.jerk, c3);
         Self {
             x_34: Pose::new(x.p + way.v, (DQuat::from_scaled_axis(way.w) * x.q).normalize()),
-            twist: sum(sum(self.twist, self.acceleration, t), self.jerk, t * t / 2.0),
-            acceleration: sum(self.acceleration, self.jerk, t),
+            twist: sum(sum(self.twist, self.acceleration, c1), self.jerk, c2),
+            acceleration: sum(self.acceleration, self.jerk, c1),
             jerk: self.jerk,
         }
     }

@@ -65,7 +65,7 @@ pub enum RunEvent {
         /// How late the wake-up was, ms.
         lateness_ms: f64,
     },
-    /// The compensator has given its model up and goes on as a lead.
+    /// The compensator has given its model up and goes on with its command alone.
     FellBack {
         /// Its name.
         method: &'static str,

@@ -363,8 +363,12 @@ impl RigFile for CalibrationFile {
             self.rest_n.is_some(),
             self.rest_nm.is_some(),
         ];
-        let some = of_b.contains(&true) && of_b.contains(&false);
-        some.then(|| "it has a part of what is of sensor B, and not all of it".to_owned())
+        match of_b.iter().filter(|x| **x).count() {
+            0 if self.delay_a_s.is_none() => Some("it tells of neither sensor".to_owned()),
+            0 => None,
+            n if n == of_b.len() => None,
+            _ => Some("it has a part of what is of sensor B, and not all of it".to_owned()),
+        }
     }
 
     fn numbers(&self) -> Vec<(String, f64, [f64; 2])> {

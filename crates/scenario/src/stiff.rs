@@ -321,7 +321,7 @@ impl Moving<'_> {
     fn largest(&self, t: &Touch) -> Largest {
         let (m, limits) = (self.mechanism, &self.mechanism.limits);
         let limit_n = limits.compression_n.max(limits.tension_n).hypot(limits.shear_n);
-        let exponent = exponent(&m.contact.normal);
+        let exponent = m.contact.exponent();
         let elastic_n =
             |depth_m: f64| (t.stiffness * depth_m.min(limits.depth_m).powf(exponent)).min(limit_n);
         let Some(speed) = self.closing_m_s(t.arm_m) else {
@@ -342,7 +342,7 @@ impl Moving<'_> {
 
     fn judge_touch(&self, t: &Touch, f: &mut Finder) {
         let law = &self.mechanism.contact;
-        let exponent = exponent(&law.normal);
+        let exponent = law.exponent();
         // The steepest is at the deepest that a limit lets it be.
         let depth_m = self.mechanism.limits.depth_m.min(1.0);
         let steep = exponent * depth_m.powf(exponent - 1.0);
@@ -417,13 +417,6 @@ impl Moving<'_> {
                 }
             }
         }
-    }
-}
-
-const fn exponent(law: &NormalLaw) -> f64 {
-    match *law {
-        NormalLaw::HuntCrossley { exponent, .. } => exponent,
-        NormalLaw::KelvinVoigt { .. } => 1.0,
     }
 }
 

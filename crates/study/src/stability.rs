@@ -5,11 +5,10 @@
 //! so many ticks more, which the loop knows, and the mismatch is what it does not know. All four figures of the first
 //! contact count: R_e, R_T, peak and the RMS error of the force.
 
-use docktwin_control::{compensation::Compensation, sensing::SensorScheme};
+use docktwin_control::compensation::Compensation;
 use docktwin_core::PERIOD_NS;
-use docktwin_hil::{clock::VirtualClock, scheduler::RigParameters};
+use docktwin_hil::scheduler::RigParameters;
 use docktwin_model::HydraulicPreset;
-use docktwin_rigport::in_process::InProcess;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -18,7 +17,7 @@ use crate::{
     table4::{Axis, TABLE_4, VibroTest},
     vibro_impact::{
         ContactFigures, EmulatedTestError, RigDraw, VibroImpactError, VibroModels, VibroOptions,
-        emulated_rig, run_test,
+        on_emulated_rig,
     },
 };
 
@@ -72,6 +71,13 @@ pub struct StabilityOptions {
     pub preset: Option<HydraulicPreset>,
     /// Seed of the sensors' noise.
     pub seed: u64,
+}
+
+impl StabilityOptions {
+    fn of_test(&self, compensation: Compensation, added_ticks: usize) -> VibroOptions {
+        let (preset, seed) = (self.preset, self.seed);
+        VibroOptions { preset, seed, added_ticks, ..VibroOptions::new(compensation) }
+    }
 }
 
 /// One test with one method.
@@ -221,12 +227,13 @@ fn up_to_hz<'a>(cells: impl Iterator<Item = &'a Cell>, part: f64) -> Option<f64>
 /// Runs the map on the emulated rig, on all cores.
 ///
 /// # Errors
-/// The mechanism has no stick, or the rig cannot be emulated.
+/// Oil that the rig does not have is asked for, the mechanism has no stick, or the rig cannot be emulated.
 pub fn stability(
     models: &VibroModels<'_>,
     options: &StabilityOptions,
     progress: &mut (dyn Progress + Send),
 ) -> Result<Stability, VibroImpactError<EmulatedTestError>> {
+    options.of_test(Compensation::None, 0).check(models.rig).map_err(VibroImpactError::Options)?;
     let believed = RigParameters::new(models.rig, None, None);
     let mut plan = Vec::new();
     for method in &options.methods {
@@ -263,17 +270,8 @@ fn cell(
     let test = VibroTest::new(row, &[options.axis], models.spacecraft, models.stick)
         .ok_or_else(no_stick)?;
     let test = if let Mismatch::Stiffness(by) = mismatch { test.with_stick(by, 0.0) } else { test };
-    let mut of_test = VibroOptions::new(method.with_lead_s(lead_s));
-    (of_test.preset, of_test.seed) = (options.preset, options.seed);
-    of_test.scheme = SensorScheme::Single;
-    let mut settings = of_test.settings(models.rig, 1, crate::vibro_impact::PATIENCE);
-    settings.added_ticks = added;
-    let rig = emulated_rig(models.rig, &of_test, &test, RigDraw::File)
-        .map_err(|e| VibroImpactError::Run(e.into()))?;
-    let run =
-        run_test(&test, models.rig, &settings, InProcess::new(rig), VirtualClock::new(PERIOD_NS))
-            .map_err(|e| VibroImpactError::Run(e.into()))?
-            .run;
+    let of_test = options.of_test(method.with_lead_s(lead_s), added);
+    let run = on_emulated_rig(models.rig, &of_test, &test, RigDraw::File)?.run;
     Ok(Cell {
         method: method.name().to_owned(),
         case,

@@ -71,7 +71,7 @@ pub const CASES: usize = TABLE_4.len();
 /// Most contacts of one test.
 const MOST_CONTACTS: u32 = 1000;
 /// How long a rig in this process may take over a tick.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Axes along which both spacecraft move at once; the first is judged. In words `x`, `roll`, or
 /// `x+y+roll`.
@@ -143,8 +143,8 @@ pub struct VibroOptions {
     pub seed: u64,
     /// What an emulated rig has and the loop does not believe.
     pub unknown: Unknown,
-    /// Drawn rigs one after the other, as in real time.
-    pub one_at_a_time: bool,
+    /// Ticks by which every command is held back, which the lead does not follow by itself.
+    pub added_ticks: usize,
 }
 
 impl VibroOptions {
@@ -164,11 +164,15 @@ impl VibroOptions {
             preset: None,
             seed: 0,
             unknown: Unknown::NOTHING,
-            one_at_a_time: false,
+            added_ticks: 0,
         }
     }
 
-    fn check(&self, rig: &Rig) -> Result<(), Vec<String>> {
+    /// Whether they can be run on a rig.
+    ///
+    /// # Errors
+    /// All that is wrong with them.
+    pub fn check(&self, rig: &Rig) -> Result<(), Vec<String>> {
         let mut problems = Vec::new();
         let mut require = |right: bool, what: String| {
             if !right {
@@ -226,7 +230,7 @@ impl VibroOptions {
             compensation: self.compensation,
             scheme: self.scheme,
             contacts: self.contacts,
-            added_ticks: 0,
+            added_ticks: self.added_ticks,
             session,
             patience,
         }
@@ -663,16 +667,11 @@ fn test<'a, E: Send>(
     let test =
         VibroTest::new(row, axes.axes(), models.spacecraft, models.stick).ok_or_else(no_stick)?;
     let TestRun { run: on_file, timing } = run(&test, RigDraw::File)?;
-    let drawn = |i| {
+    let draws = in_parallel(options.draws as usize, &mut (), |i| {
         let draw = options.draw(i);
         let drawn = run(&options.unknown.test(&test, draw), draw)?.run;
         Ok::<_, E>(drawn.contacts.first().map(ContactFigures::from))
-    };
-    let draws = if options.one_at_a_time {
-        (0..options.draws as usize).map(drawn).collect::<Result<_, E>>()?
-    } else {
-        in_parallel(options.draws as usize, &mut (), drawn)?
-    };
+    })?;
     Ok(Tested {
         axes,
         case,

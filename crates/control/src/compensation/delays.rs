@@ -1,13 +1,10 @@
 //! The delays that a method has to undo, told apart as far as the files do.
 
-use core::f64::consts::TAU;
-
-use docktwin_core::{DQuat, Pose, Twist};
-use docktwin_model::{Drive, PositionLoop};
+use docktwin_model::PositionLoop;
 use docktwin_physics::programme::RelativeMotion;
 
 use super::Believed;
-use crate::sensing::SensorScheme;
+use crate::{one_sided::Interface, sensing::SensorScheme};
 
 /// Lag of the plate behind its command, and of the force sensor behind the force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,34 +17,26 @@ pub(super) struct Delays {
     pub(super) sensor_s: f64,
 }
 
-/// Coefficients of s and s² of the inverse of a position loop.
-fn inverse_of(drive: &Drive) -> [f64; 2] {
-    let of = |l: &PositionLoop| {
-        let w = TAU * l.natural_frequency_hz;
-        l.damping_ratio.map_or([1.0 / w, 0.0], |z| [2.0 * z / w, 1.0 / (w * w)])
-    };
-    match drive {
-        // Its own feed-forward undoes the oil: what is left is dead time.
-        Drive::Hydraulic(_) => [0.0; 2],
-        Drive::PositionLoop(l) => of(l),
-        Drive::Measured(m) => of(&m.fitted),
-    }
-}
-
 impl Delays {
     /// Of a rig as believed; `lead_s` is the lag of plate and sensor together, as identified or believed.
     pub(super) fn new(believed: &Believed<'_>, lead_s: f64) -> Self {
         let of_sensor = believed.sensors.as_ref().map_or(0.0, |[a, b]| {
-            let of = if believed.scheme == SensorScheme::Two { b } else { a };
-            of.delay_s + 2.0 * of.damping_ratio / (TAU * of.natural_frequency_hz)
+            Interface::of_sensor(if believed.scheme == SensorScheme::Two { b } else { a }).lag_s()
         });
         let sensor_s = of_sensor.clamp(0.0, lead_s);
         let plate_s = lead_s - sensor_s;
-        let [first, second] = inverse_of(&believed.rig.drive);
+        // Legs on oil are undone by their own feed-forward: what is left is dead time.
+        let [first, second] =
+            believed.rig.drive.position_loop().map_or([0.0; 2], PositionLoop::inverse);
         // Drives that are quicker than the file says.
         let part = if first > plate_s { plate_s / first } else { 1.0 };
         let lag = [first * part, second * part * part];
         Self { dead_s: plate_s - lag[0], lag, sensor_s }
+    }
+
+    /// Lag of plate and sensor together, s.
+    pub(super) const fn lead_s(&self) -> f64 {
+        self.plate_s() + self.sensor_s
     }
 
     /// Lag of the plate, s.
@@ -59,12 +48,12 @@ impl Delays {
     /// inverse, both to the acceleration; `further_s` more dead time.
     pub(super) fn undo(&self, next: &RelativeMotion, further_s: f64) -> RelativeMotion {
         let [c1, c2, _] = self.series(further_s);
-        by_series(next, [c1, c2, 0.0])
+        next.by_series([c1, c2, 0.0])
     }
 
     /// The same to the jerk.
     pub(super) fn undo_to_jerk(&self, next: &RelativeMotion, further_s: f64) -> RelativeMotion {
-        by_series(next, self.series(further_s))
+        next.by_series(self.series(further_s))
     }
 
     /// Coefficients of s, s² and s³ of e^(ds) (1 + a₁ s + a₂ s²).
@@ -75,22 +64,11 @@ impl Delays {
     }
 }
 
-/// `x + c₁ v + c₂ a + c₃ j`, and its derivatives.
-fn by_series(m: &RelativeMotion, [c1, c2, c3]: [f64; 3]) -> RelativeMotion {
-    let sum = |a: &Twist, b: &Twist, by: f64| Twist { v: a.v + b.v * by, w: a.w + b.w * by };
-    let way = sum(&sum(&Twist::default(), &m.twist, c1), &m.acceleration, c2);
-    let way = sum(&way, &m.jerk, c3);
-    RelativeMotion {
-        x_34: Pose::new(m.x_34.p + way.v, (DQuat::from_scaled_axis(way.w) * m.x_34.q).normalize()),
-        twist: sum(&sum(&m.twist, &m.acceleration, c1), &m.jerk, c2),
-        acceleration: sum(&m.acceleration, &m.jerk, c1),
-        jerk: m.jerk,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use docktwin_core::DVec3;
+    use core::f64::consts::TAU;
+
+    use docktwin_core::{DVec3, Pose, Twist};
 
     use super::*;
 

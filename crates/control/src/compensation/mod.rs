@@ -15,6 +15,7 @@
 mod believed;
 mod context;
 mod delays;
+mod history;
 mod lead;
 mod none;
 mod published;
@@ -27,7 +28,7 @@ pub use believed::Believed;
 pub use context::{LoopContext, Measured, Phase};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
-pub use published::{Order, Published, PublishedMethod};
+pub use published::{ForceLead, Order, Polynomial, Prior, Published, Smith, StateForce};
 pub use twin::{Residual, Twin};
 
 /// Latches whose phases a measurement has room for.
@@ -207,9 +208,7 @@ impl Compensation {
         match *self {
             Self::None => Method::None(Uncompensated),
             Self::Lead(lead_s) => Method::Lead(Lead::new(lead_s)),
-            Self::Published { method, lead_s } => {
-                Method::Published(Box::new(method.method(believed, lead_s)))
-            }
+            Self::Published { method, lead_s } => method.method(believed, lead_s),
             Self::Twin { lead_s, residual } => {
                 Method::Twin(Box::new(Twin::new(believed, lead_s, residual)))
             }
@@ -225,8 +224,16 @@ pub enum Method {
     None(Uncompensated),
     /// See [`Lead`].
     Lead(Lead),
-    /// See [`Published`].
-    Published(Box<PublishedMethod>),
+    /// See [`ForceLead`].
+    ForceLead(ForceLead),
+    /// See [`Polynomial`].
+    Polynomial(Polynomial),
+    /// See [`StateForce`].
+    StateForce(StateForce),
+    /// See [`Smith`].
+    Smith(Box<Smith>),
+    /// See [`Prior`].
+    Prior(Box<Prior>),
     /// See [`Twin`].
     Twin(Box<Twin>),
 }
@@ -237,7 +244,11 @@ macro_rules! each {
         match $method {
             Method::None($m) => $call,
             Method::Lead($m) => $call,
-            Method::Published($m) => $call,
+            Method::ForceLead($m) => $call,
+            Method::Polynomial($m) => $call,
+            Method::StateForce($m) => $call,
+            Method::Smith($m) => $call,
+            Method::Prior($m) => $call,
             Method::Twin($m) => $call,
         }
     };

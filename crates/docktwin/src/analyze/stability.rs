@@ -70,12 +70,6 @@ pub(super) fn run(args: &StabilityArgs, json: bool) -> Result<ExitCode, Failure>
             remedy: "give one: a map is of one axis".to_owned(),
         });
     };
-    if args.preset.is_some() && models.rig.drive.hydraulic().is_none() {
-        return Err(Failure::Usage {
-            what: format!("an oil volume is asked for, and no oil moves {}", models.rig.name),
-            remedy: "leave --preset out".to_owned(),
-        });
-    }
     let mut chosen = args.compensator.clone();
     if chosen.is_empty() {
         chosen.extend(CompensatorChoice::WORDS.map(|(_, choice)| choice));

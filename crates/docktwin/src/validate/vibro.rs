@@ -146,24 +146,20 @@ fn case(text: &str) -> Result<Case, String> {
 pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
     let mut models = StickModels::load(&args.model)?;
     let options = options(args, &models.rig)?;
-    let changed = args.draws > 0 || args.dead_zone.is_some() || args.corner.is_some();
-    if changed && args.rig != RigPlace::Emulated {
-        return Err(Failure::Usage {
-            what: "a rig in another process is what it is; it cannot be drawn or changed"
-                .to_owned(),
-            remedy: "leave --draws, --dead-zone and --corner away, or take --rig emulated"
-                .to_owned(),
-        });
-    }
+    refuse_what_no_rig_can(args)?;
+    options.check(&models.rig).map_err(|problems| refused(problems.join("; ")))?;
     if let Some(moved) = args.corner.and_then(|n| in_corner(&models.rig, usize::from(n))) {
         models.rig = moved;
     }
-    // By the draw's index; without, every rig is what its file says to the loop.
-    let known =
-        if args.commission { commission(args, &models, &options, json)? } else { Vec::new() };
     let mut operator = AtTerminal { yes: args.led.yes, quiet: json };
     confirm(&mut operator, &args.rig)?;
     let mut results = Results::new(args.out.as_deref(), "vibro-impact")?;
+    // What is known of every drawn rig; without, that is what its file says.
+    let known = if args.commission {
+        commissioned(&args.model, &models.rig, &options, &mut Dots { json })?
+    } else {
+        Vec::new()
+    };
     let drive = DriveOptions {
         place: args.rig.clone(),
         clock: args.led.clock.kind(),
@@ -181,21 +177,38 @@ pub(super) fn run(args: &VibroArgs, json: bool) -> Result<ExitCode, Failure> {
     })?;
     results.tables(report::tables(&found))?;
     results.plots(report::plots(&found))?;
-    let answer = answer(args, &found.summary);
-    let words = report::words(&found, &drive.place, drive.clock);
+    let leads_s: Vec<f64> = known.iter().map(|(_, known)| known.compensation.lead_s()).collect();
+    let answer = answer(args, &found.summary, &leads_s);
+    let words = conditions(args) + &report::words(&found, &drive.place, drive.clock);
     results.finish("vibro-impact", &answer, &words, json)?;
     Ok(ExitCode::from(if found.summary.complete() { 0 } else { OTHERWISE }))
 }
 
-/// Every drawn rig, and what its commissioning found.
-fn commission(
-    args: &VibroArgs,
-    models: &StickModels,
-    options: &VibroOptions,
-    json: bool,
-) -> Result<Vec<(RigDraw, VibroOptions)>, Failure> {
-    let found = commissioned(&args.model, &models.rig, options, &mut Dots { json });
-    Ok(found?)
+/// Refuses what does not go together.
+fn refuse_what_no_rig_can(args: &VibroArgs) -> Result<(), Failure> {
+    let refuse = |what: &str, remedy: &str| {
+        Err(Failure::Usage { what: what.to_owned(), remedy: remedy.to_owned() })
+    };
+    let changed = args.draws > 0 || args.dead_zone.is_some() || args.corner.is_some();
+    if changed && args.rig != RigPlace::Emulated {
+        return refuse(
+            "a rig in another process is what it is; it cannot be drawn or changed",
+            "leave --draws, --dead-zone and --corner away, or take --rig emulated",
+        );
+    }
+    if args.draws > 0 && args.led.clock.kind() == ClockKind::Realtime {
+        return refuse(
+            "drawn rigs are run several at once, as fast as they go",
+            "leave --clock realtime away",
+        );
+    }
+    if args.draws == 0 && (args.commission || args.draw_stick) {
+        return refuse(
+            "--commission and --draw-stick are of drawn rigs, and none is drawn",
+            "give --draws a number above 0",
+        );
+    }
+    Ok(())
 }
 
 /// A dot on stderr for every test.
@@ -250,7 +263,6 @@ fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
     if args.draw_stick {
         (options.unknown.stiffness, options.unknown.play_m) = (0.2, 5e-4);
     }
-    options.one_at_a_time = args.led.clock.kind() == ClockKind::Realtime;
     options.unknown.dead_zone_n = args.dead_zone;
     options.unknown.calibrated = args.dead_zone_known;
     if args.subtractive {
@@ -259,12 +271,41 @@ fn options(args: &VibroArgs, rig: &Rig) -> Result<VibroOptions, Failure> {
     Ok(options)
 }
 
-/// What `--json` prints: where the rig was, and the summary.
-fn answer(args: &VibroArgs, s: &VibroSummary) -> Value {
+/// What `--json` prints: where the rig was and what was changed of it, and the summary.
+fn answer(args: &VibroArgs, s: &VibroSummary, leads_s: &[f64]) -> Value {
     json!({
         "rig": args.rig.to_string(), "model": args.model.to_string_lossy(),
         "preset": s.preset, "clock": args.led.clock.kind().name(),
         "compensator": s.compensator, "lead_s": s.lead_s,
-        "sensors": s.sensors, "tests": s.tests,
+        "sensors": s.sensors, "seed": args.seed, "draws": args.draws,
+        "commissioned": args.commission, "lead_s_of_draws": leads_s,
+        "stick_drawn": args.draw_stick, "dead_zone_n": args.dead_zone,
+        "dead_zone_subtractive": args.subtractive, "dead_zone_known": args.dead_zone_known,
+        "corner": args.corner, "tests": s.tests,
     })
+}
+
+/// What was changed of the rig and the stick, a line each; nothing where they are as their files say.
+fn conditions(args: &VibroArgs) -> String {
+    let mut out = String::new();
+    let mut line = |text: String| out.push_str(&(text + "\n"));
+    if let Some(corner) = args.corner {
+        line(format!("frame at corner {corner} of the docking workspace"));
+    }
+    if args.draws > 0 {
+        let stick = if args.draw_stick { ", sticks drawn" } else { "" };
+        let known = if args.commission {
+            "identified and calibrated"
+        } else {
+            "as the file says to the loop"
+        };
+        line(format!("{} drawn rigs, seed {}, {known}{stick}", args.draws, args.seed));
+    }
+    if let Some(n) = args.dead_zone {
+        let of = if args.draws > 0 { "up to " } else { "" };
+        let law = if args.subtractive { "taken off every force" } else { "larger forces whole" };
+        let known = if args.dead_zone_known { "known" } else { "not known" };
+        line(format!("dead zone of the force sensors {of}{n} N, {law}, {known} to the loop"));
+    }
+    out
 }

@@ -478,20 +478,22 @@ pub(crate) const CASES: &[Case] = &[
         )],
     ),
     words(
-        "leave --preset out",
-        "analyze stability models/urdf/electric_hexapod.toml --preset stiff --compensator none --added-ms 0 --out found",
-        &[(
-            nothing,
-            "analyze stability models/urdf/electric_hexapod.toml --compensator none --added-ms 0 --out found",
-        )],
-    ),
-    words(
         "give one: a map is of one axis",
         "analyze stability models/urdf/stewart.toml --axis x+y --compensator none --added-ms 0 --out found",
         &[(
             nothing,
             "analyze stability models/urdf/stewart.toml --axis y --compensator none --added-ms 0 --out found",
         )],
+    ),
+    words(
+        "leave --clock realtime away",
+        "validate vibro-impact --axis x --case 6 --draws 1 --clock realtime --allow-best-effort --out found",
+        &[(nothing, "validate vibro-impact --axis x --case 6 --draws 1 --out found")],
+    ),
+    words(
+        "give --draws a number above 0",
+        "validate vibro-impact --axis x --case 6 --draws 0 --draw-stick --out found",
+        &[(nothing, "validate vibro-impact --axis x --case 6 --draws 1 --draw-stick --out found")],
     ),
     words(
         "leave --draws, --dead-zone and --corner away, or take --rig emulated",

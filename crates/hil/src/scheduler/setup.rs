@@ -5,6 +5,7 @@ use core::{fmt, time::Duration};
 use docktwin_control::{
     compensation::{Believed, Compensation, MOST_LEAD_S, Method},
     feedforward::{Feedforward, LegCorrections},
+    one_sided::Interface,
     rig::RigSetup,
     safety::{Limit, SafetyLimits},
     sensing::SensorScheme,
@@ -18,7 +19,7 @@ use docktwin_physics::{
 use super::IN_FLIGHT;
 use crate::{
     calibrate::{Calibration, accelerometers_ahead_s},
-    identify::{Identification, sensor_interface},
+    identify::Identification,
 };
 
 /// Most ticks by which commands can be held back.
@@ -111,7 +112,7 @@ impl RigParameters {
         let delays_s = identification.zip(force).map(|(found, force)| {
             let of_a = calibration.map_or(force, |c| c.sensor(0, &force));
             let lag_s = calibration
-                .map_or_else(|| sensor_interface(&force).lag_s(), |c| c.lag_s(1, &force));
+                .map_or_else(|| Interface::of_sensor(&force).lag_s(), |c| c.lag_s(1, &force));
             (found.delay_s() + lag_s, found.lead_s(&of_a))
         });
         let sensors = force.map(|f| [0, 1].map(|i| calibration.map_or(f, |c| c.sensor(i, &f))));
@@ -141,11 +142,7 @@ impl RigParameters {
 /// sum is the lead that is believed to undo the rig.
 #[must_use]
 pub fn believed_delays_s(rig: &RigModel) -> [f64; 2] {
-    let sensor = rig.sensors.map_or(0.0, |s| {
-        let f = s.force;
-        let rate = core::f64::consts::TAU * f.natural_frequency_hz;
-        f.delay_s + 2.0 * f.damping_ratio / rate
-    });
+    let sensor = rig.sensors.map_or(0.0, |s| Interface::of_sensor(&s.force).lag_s());
     [rig.drive.lag_s() - tick_s(), sensor]
 }
 

@@ -67,7 +67,7 @@ impl Compensated {
         self.fell_back_s.map(|t| {
             format!(
                 "`{}` gave its model up at {t:.3} s: what was measured was too far from what it expected; from \
-                 then on a lead alone compensates",
+                 then on its command alone compensates",
                 self.method.name()
             )
         })

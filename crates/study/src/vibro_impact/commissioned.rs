@@ -51,7 +51,9 @@ impl VibroOptions {
             preset: self.preset,
             ..StandOptions::default()
         };
-        let stand = Stand::load(&stand)?;
+        let mut stand = Stand::load(&stand)?;
+        // With the dead zone that its sensors have.
+        stand.rig = self.unknown.rig(&stand.rig, draw);
         let drive = DriveOptions::default();
         let mut dofs: Vec<usize> =
             self.axes.iter().flat_map(|a| a.axes()).map(|a| a.index()).filter(|i| *i < 3).collect();

@@ -6,35 +6,42 @@
 //! command = x + c₁ v + c₂ a                            inverse of dead time and drives to the second order
 //! ```
 //!
-//! The source has a platform of third order; here its third coefficient is left to the dead time. Higher derivatives
-//! are avoided there for their noise, as here.
+//! The source has a platform of third order; here its third coefficient is left to the dead time. Higher derivatives of
+//! the position are avoided there for their noise, as here; speed and acceleration of the command, which the source does
+//! not have, take the jerk in.
 
-use docktwin_core::{StateHasher, Wrench};
+use docktwin_core::StateHasher;
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
-use super::{Delays, Demand, Does, LoopContext};
-use crate::compensation::Phase;
+use crate::compensation::{Compensator, Demand, LoopContext, Phase, delays::Delays};
+
+/// Name as on the command line.
+pub(super) const NAME: &str = "force-lead";
 
 /// Lag of the lead's own filter over the lead.
 const ALPHA: f64 = 0.1;
 
 /// See the module's page.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ForceLead {
+pub struct ForceLead {
     delays: Delays,
-    /// The last measurement, and the rates of its wrenches, N/s and N·m/s.
+    /// Tick of the last measurement, and its wrenches.
     before: Option<(u64, Ports)>,
+    /// Their rates, N/s and N·m/s.
     rate: Ports,
 }
 
 impl ForceLead {
-    pub(super) const fn new(delays: Delays) -> Self {
-        let zero = Wrench::ZERO;
-        Self { delays, before: None, rate: Ports { port3: zero, port4: zero } }
+    pub(super) fn new(delays: Delays) -> Self {
+        Self { delays, before: None, rate: Ports::default() }
     }
 }
 
-impl Does for ForceLead {
+impl Compensator for ForceLead {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
     fn reset(&mut self) {
         *self = Self::new(self.delays);
     }

@@ -9,13 +9,11 @@ mod prior;
 mod smith;
 mod state_force;
 
-use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
-
-use self::{
+pub use self::{
     force_lead::ForceLead, polynomial::Polynomial, prior::Prior, smith::Smith,
     state_force::StateForce,
 };
-use super::{Believed, Compensator, Demand, LoopContext, delays::Delays};
+use super::{Believed, Method, delays::Delays};
 
 /// Which method of the literature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +43,17 @@ pub enum Order {
     Third,
 }
 
+impl Order {
+    /// Name of its polynomial as on the command line.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::First => "pe1",
+            Self::Second => "pe2",
+            Self::Third => "pe3",
+        }
+    }
+}
+
 impl Published {
     /// All of them.
     pub const ALL: [Self; 8] = [
@@ -62,97 +71,25 @@ impl Published {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::ForceLead => "force-lead",
-            Self::Polynomial(Order::First) => "pe1",
-            Self::Polynomial(Order::Second) => "pe2",
-            Self::Polynomial(Order::Third) => "pe3",
-            Self::StateForceInverse => "state-force-inverse",
-            Self::SmithLead => "smith-lead",
-            Self::SmithDob => "smith-dob",
-            Self::PriorForce => "prior-force",
+            Self::ForceLead => force_lead::NAME,
+            Self::Polynomial(order) => order.name(),
+            Self::StateForceInverse => state_force::NAME,
+            Self::SmithLead => smith::LEAD,
+            Self::SmithDob => smith::DOB,
+            Self::PriorForce => prior::NAME,
         }
     }
 
     /// The method for a rig and a mechanism as they are believed, and the lag of plate and sensor together.
-    #[must_use]
-    pub(super) fn method(self, believed: &Believed<'_>, lead_s: f64) -> PublishedMethod {
+    pub(super) fn method(self, believed: &Believed<'_>, lead_s: f64) -> Method {
         let delays = Delays::new(believed, lead_s);
-        let of = match self {
-            Self::ForceLead => Of::ForceLead(ForceLead::new(delays)),
-            Self::Polynomial(order) => Of::Polynomial(Polynomial::new(order, lead_s)),
-            Self::StateForceInverse => Of::StateForce(StateForce::new(delays)),
-            Self::SmithLead => Of::Smith(Box::new(Smith::new(believed, delays, false))),
-            Self::SmithDob => Of::Smith(Box::new(Smith::new(believed, delays, true))),
-            Self::PriorForce => Of::Prior(Box::new(Prior::new(believed, delays))),
-        };
-        PublishedMethod { name: self.name(), of }
-    }
-}
-
-/// A method of the literature that runs.
-#[derive(Clone, Debug)]
-pub struct PublishedMethod {
-    name: &'static str,
-    of: Of,
-}
-
-#[derive(Clone, Debug)]
-enum Of {
-    ForceLead(ForceLead),
-    Polynomial(Polynomial),
-    StateForce(StateForce),
-    Smith(Box<Smith>),
-    Prior(Box<Prior>),
-}
-
-/// What each of them does.
-trait Does {
-    fn reset(&mut self);
-    fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports>;
-    fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand;
-    fn digest(&self) -> Option<u64>;
-}
-
-impl PublishedMethod {
-    fn each(&self) -> &dyn Does {
-        match &self.of {
-            Of::ForceLead(m) => m,
-            Of::Polynomial(m) => m,
-            Of::StateForce(m) => m,
-            Of::Smith(m) => m.as_ref(),
-            Of::Prior(m) => m.as_ref(),
+        match self {
+            Self::ForceLead => Method::ForceLead(ForceLead::new(delays)),
+            Self::Polynomial(order) => Method::Polynomial(Polynomial::new(order, lead_s)),
+            Self::StateForceInverse => Method::StateForce(StateForce::new(delays)),
+            Self::SmithLead => Method::Smith(Box::new(Smith::new(believed, delays, false))),
+            Self::SmithDob => Method::Smith(Box::new(Smith::new(believed, delays, true))),
+            Self::PriorForce => Method::Prior(Box::new(Prior::new(believed, delays))),
         }
-    }
-
-    fn each_mut(&mut self) -> &mut dyn Does {
-        match &mut self.of {
-            Of::ForceLead(m) => m,
-            Of::Polynomial(m) => m,
-            Of::StateForce(m) => m,
-            Of::Smith(m) => m.as_mut(),
-            Of::Prior(m) => m.as_mut(),
-        }
-    }
-}
-
-impl Compensator for PublishedMethod {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn reset(&mut self) {
-        self.each_mut().reset();
-    }
-
-    fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports> {
-        self.each_mut().wrench(seen)
-    }
-
-    fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
-        self.each_mut().command(seen, next)
-    }
-
-    fn digest(&self) -> Option<u64> {
-        self.each().digest()
     }
 }

@@ -16,26 +16,29 @@ use docktwin_physics::{
     mechanism::LatchRule, mounted::Ports, platform::Platform, programme::RelativeMotion,
 };
 
-use super::{Believed, Delays, Demand, Does, LoopContext};
 use crate::compensation::{
-    Phase,
+    Believed, Compensator, Demand, LoopContext, Phase,
+    delays::Delays,
+    history::History,
     twin::{Orbit, Plate},
 };
+
+/// Name as on the command line.
+pub(super) const NAME: &str = "prior-force";
 
 /// Ticks of the sensor's lag that are kept.
 const KEPT: usize = 64;
 
 /// See the module's page.
 #[derive(Clone, Debug)]
-pub(super) struct Prior {
+pub struct Prior {
     delays: Delays,
     platform: Platform,
     /// At the bodies, and at the plate.
     models: [Orbit; 2],
-    /// Wrenches of that at the plate, newest first.
-    past: [Ports; KEPT],
+    /// Wrenches of that at the plate.
+    past: History<Ports, KEPT>,
     plate: Option<Pose>,
-    correction: Ports,
 }
 
 impl Prior {
@@ -45,27 +48,21 @@ impl Prior {
             delays,
             platform: Platform::new(believed.rig),
             models: [model.clone(), model],
-            past: [Ports::default(); KEPT],
+            past: History::new(Ports::default()),
             plate: None,
-            correction: Ports::default(),
         }
-    }
-
-    fn ago(&self, ticks: f64) -> Ports {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 62")]
-        let whole = (ticks.max(0.0) as usize).min(KEPT - 2);
-        #[expect(clippy::cast_precision_loss, reason = "0 to 62")]
-        let part = (ticks - whole as f64).clamp(0.0, 1.0);
-        let (a, b) = (self.past[whole], self.past[whole + 1]);
-        a + (b - a) * part
     }
 }
 
-impl Does for Prior {
+impl Compensator for Prior {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
     fn reset(&mut self) {
         self.models.iter_mut().for_each(Orbit::reset);
-        (self.past, self.plate) = ([Ports::default(); KEPT], None);
-        self.correction = Ports::default();
+        self.past.rest(Ports::default());
+        self.plate = None;
     }
 
     fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports> {
@@ -84,13 +81,11 @@ impl Does for Prior {
         };
         self.plate = Some(x_bp);
         at_plate.advance(&Plate { x_bp, twist: bodies.twist }, &Twist::default(), own);
-        self.past.rotate_right(1);
-        self.past[0] = *at_plate.ports();
-        let late = self.ago(self.delays.sensor_s / seen.period_s);
+        self.past.push(*at_plate.ports());
+        let (a, b, part) = self.past.ago(self.delays.sensor_s / seen.period_s);
+        let late = *a + (*b - *a) * part;
         let correction = *self.models[0].ports() - late;
-        let finite = correction.port3.is_finite() && correction.port4.is_finite();
-        self.correction = if finite { correction } else { Ports::default() };
-        Some(self.correction)
+        Some(if correction.is_finite() { correction } else { Ports::default() })
     }
 
     fn command(&mut self, _seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
@@ -100,11 +95,10 @@ impl Does for Prior {
     fn digest(&self) -> Option<u64> {
         let mut h = StateHasher::new();
         self.models.iter().for_each(|m| m.hash_into(&mut h));
-        for p in &self.past {
-            for w in [p.port3, p.port4] {
-                h.vec3(w.f);
-                h.vec3(w.m);
-            }
+        let oldest = self.past.oldest();
+        for w in [oldest.port3, oldest.port4] {
+            h.vec3(w.f);
+            h.vec3(w.m);
         }
         Some(h.finish().short())
     }

@@ -15,16 +15,25 @@
 //! less than the threshold, that force. The sources do not say how a first contact begins for which nothing is
 //! identified; here nothing is filled in then.
 
-use docktwin_core::{DVec3, Pose, StateHasher, Wrench};
+use docktwin_core::{DVec3, Pose, StateHasher, Twist, Wrench};
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
-use super::{Believed, Delays, Demand, Does, LoopContext};
-use crate::compensation::Phase;
+use crate::{
+    compensation::{
+        Believed, Compensator, Demand, LoopContext, Phase, delays::Delays, history::History,
+    },
+    excitation::apart,
+    sensing::opposite,
+};
+
+/// Names as on the command line.
+pub(super) const LEAD: &str = "smith-lead";
+pub(super) const DOB: &str = "smith-dob";
 
 /// Measured poses that are kept, ticks.
 const KEPT: usize = 64;
 /// Ticks over which changes of force and place are taken.
-const OVER: usize = 5;
+const OVER: f64 = 5.0;
 /// Memory of the least squares, s.
 const MEMORY_S: f64 = 0.03;
 /// Memory of the place at which a contact begins, s.
@@ -107,23 +116,14 @@ struct Seen {
 
 /// See the module's page.
 #[derive(Clone, Debug)]
-pub(super) struct Smith {
+pub struct Smith {
     delays: Delays,
     /// Threshold of the dead zone, N and N·m, where it is observed.
     observes: Option<[f64; 2]>,
-    past: [Seen; KEPT],
-    kept: usize,
+    past: History<Seen, KEPT>,
+    begun: bool,
     contacts: [Contact; 2],
     correction: Ports,
-}
-
-/// By what `to` is away from `from`: a way and a turn.
-fn apart(from: &Pose, to: &Pose) -> [DVec3; 2] {
-    let mut q = (to.q * from.q.conjugate()).normalize();
-    if q.w < 0.0 {
-        q = -q;
-    }
-    [to.p - from.p, q.to_scaled_axis()]
 }
 
 impl Smith {
@@ -132,21 +132,17 @@ impl Smith {
         Self {
             delays,
             observes: observer.then_some(dead_zone),
-            past: [Seen::default(); KEPT],
-            kept: 0,
+            past: History::new(Seen::default()),
+            begun: false,
             contacts: [Contact::default(); 2],
             correction: Ports::default(),
         }
     }
 
-    /// The plate so many ticks ago, between two of them.
+    /// The plate so many ticks ago.
     fn plate_ago(&self, ticks: f64) -> Pose {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 62")]
-        let whole = (ticks.max(0.0) as usize).min(self.kept.saturating_sub(2));
-        #[expect(clippy::cast_precision_loss, reason = "0 to 62")]
-        let part = (ticks - whole as f64).clamp(0.0, 1.0);
-        let (a, b) = (&self.past[whole].x_34, &self.past[whole + 1].x_34);
-        Pose::new(a.p + (b.p - a.p) * part, a.q.slerp(b.q, part))
+        let (a, b, part) = self.past.ago(ticks);
+        Pose::new(a.x_34.p + (b.x_34.p - a.x_34.p) * part, a.x_34.q.slerp(b.x_34.q, part))
     }
 
     /// What is to be added to force or moment (`which` 0 or 1) `f`.
@@ -186,16 +182,11 @@ impl Smith {
 
     /// Least squares over what has changed.
     fn learn(&mut self, period_s: f64) {
-        if self.kept <= 2 * OVER {
-            return;
-        }
         let ticks = self.delays.sensor_s / period_s;
-        #[expect(clippy::cast_precision_loss, reason = "5 and 10")]
-        let at = [0, OVER, 2 * OVER].map(|i| self.plate_ago(ticks + i as f64));
-        let (new, old) = (apart(&at[1], &at[0]), apart(&at[2], &at[1]));
-        #[expect(clippy::cast_precision_loss, reason = "5")]
-        let over_s = OVER as f64 * period_s;
-        let by = self.past[0].wrench - self.past[OVER].wrench;
+        let at = [0.0, OVER, 2.0 * OVER].map(|i| self.plate_ago(ticks + i));
+        let [new, old] = [apart(&at[1], &at[0]), apart(&at[2], &at[1])].map(|t| [t.v, t.w]);
+        let over_s = OVER * period_s;
+        let by = self.past.ago(0.0).0.wrench - self.past.ago(OVER).0.wrench;
         for (i, force) in [by.f, by.m].into_iter().enumerate() {
             let contact = &mut self.contacts[i];
             if !contact.touches {
@@ -209,9 +200,13 @@ impl Smith {
     }
 }
 
-impl Does for Smith {
+impl Compensator for Smith {
+    fn name(&self) -> &'static str {
+        if self.observes.is_some() { DOB } else { LEAD }
+    }
+
     fn reset(&mut self) {
-        self.kept = 0;
+        self.begun = false;
         self.contacts = [Contact::default(); 2];
         self.correction = Ports::default();
     }
@@ -222,27 +217,26 @@ impl Does for Smith {
         }
         let x = seen.measured.x_34;
         let port4 = seen.ports.port4.rotated(x.q);
-        self.past.rotate_right(1);
-        self.past[0] = Seen { x_34: x, wrench: port4 };
-        self.kept = (self.kept + 1).min(KEPT);
-        if self.kept < 2 {
-            return Some(Ports::default());
+        let now = Seen { x_34: x, wrench: port4 };
+        if !self.begun {
+            self.past.rest(now);
+            self.begun = true;
         }
+        self.past.push(now);
         self.learn(seen.period_s);
         // Where the plate was when the force that is read now acted.
         let of_force = self.plate_ago(self.delays.sensor_s / seen.period_s);
-        let [way, turn] = apart(&of_force, &seen.motion.x_34);
+        let Twist { v: way, w: turn } = apart(&of_force, &seen.motion.x_34);
         // The plate goes as the bodies did, later: by how much their speeds differ follows from what they accelerate.
         let late_s = self.delays.sensor_s;
         let rates = [seen.motion.acceleration.v * late_s, seen.motion.acceleration.w * late_s];
-        let origin = Pose::IDENTITY;
-        let [place, turned] = apart(&origin, &of_force);
+        let Twist { v: place, w: turned } = apart(&Pose::IDENTITY, &of_force);
         let ways = Between { way, rate: rates[0], place };
         let turns = Between { way: turn, rate: rates[1], place: turned };
         let f = self.correct(0, port4.f, &ways, seen.period_s);
         let m = self.correct(1, port4.m, &turns, seen.period_s);
-        let at_3 = Wrench { f, m: m + x.p.cross(f) };
-        self.correction = Ports { port3: -at_3, port4: Wrench { f, m }.rotated(x.q.conjugate()) };
+        let port4 = Wrench { f, m }.rotated(x.q.conjugate());
+        self.correction = Ports { port3: opposite(&port4, &x.inverse()), port4 };
         Some(self.correction)
     }
 
@@ -256,14 +250,12 @@ impl Does for Smith {
 
     fn digest(&self) -> Option<u64> {
         let mut h = StateHasher::new();
-        h.u64(self.kept as u64);
-        // What it remembers is what was measured; how far back, the ends tell.
-        for seen in self.past.first().into_iter().chain(self.past[..self.kept].last()) {
-            h.vec3(seen.x_34.p);
-            h.quat(seen.x_34.q);
-            h.vec3(seen.wrench.f);
-            h.vec3(seen.wrench.m);
-        }
+        h.u64(u64::from(self.begun));
+        let oldest = self.past.oldest();
+        h.vec3(oldest.x_34.p);
+        h.quat(oldest.x_34.q);
+        h.vec3(oldest.wrench.f);
+        h.vec3(oldest.wrench.m);
         for c in &self.contacts {
             c.sums.iter().for_each(|x| h.f64(*x));
             h.vec3(c.direction);

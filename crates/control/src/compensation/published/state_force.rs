@@ -5,16 +5,20 @@
 //! command = x + (d + a₁) v + (d²/2 + d a₁ + a₂) a      a = what the measured wrenches make of the bodies
 //! ```
 //!
-//! d: dead time of plate and sensor; a₁, a₂: 2ζ/ω and 1/ω² of the drives. Nothing is differentiated, because position
-//! and speed are states of the bodies and their acceleration is the measured force.
+//! d: dead time of plate and sensor; a₁, a₂: 2ζ/ω and 1/ω² of the drives. Position and speed are states of the bodies and
+//! their acceleration is the measured force, so the position of the command needs no derivative of what is measured;
+//! its speed and acceleration take the jerk in, the difference of accelerations over a tick.
 
 use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
-use super::{Delays, Demand, Does, LoopContext};
+use crate::compensation::{Compensator, Demand, LoopContext, delays::Delays};
+
+/// Name as on the command line.
+pub(super) const NAME: &str = "state-force-inverse";
 
 /// See the module's page.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct StateForce {
+pub struct StateForce {
     delays: Delays,
 }
 
@@ -24,7 +28,11 @@ impl StateForce {
     }
 }
 
-impl Does for StateForce {
+impl Compensator for StateForce {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
     fn reset(&mut self) {}
 
     fn wrench(&mut self, _seen: &LoopContext<'_>) -> Option<Ports> {
@@ -33,9 +41,5 @@ impl Does for StateForce {
 
     fn command(&mut self, _seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
         Demand::of(self.delays.undo(next, self.delays.sensor_s))
-    }
-
-    fn digest(&self) -> Option<u64> {
-        None
     }
 }

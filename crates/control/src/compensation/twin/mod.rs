@@ -11,7 +11,8 @@
 //! the residual, measured − ground, which is not touched.
 //!
 //! The *share* ([`trust`]) is near 1 as long as the residual is within what a model of this kind may be wrong by; of
-//! the fast part of the difference a share of its own is left ([`bands`]). Beyond a bound the method falls back: it goes on as a lead.
+//! the fast part of the difference a share of its own is left ([`bands`]). Beyond a bound the method falls back: the
+//! correction and the contact expected end, and the command goes on as before.
 //!
 //! The twins are made of what is believed ([`Believed`]), never of the true parameters of a rig.
 
@@ -28,8 +29,8 @@ use docktwin_physics::{mounted::Ports, platform::Platform, programme::RelativeMo
 use self::{bands::Bands, ground::Ground, latches::Latches, trust::Trust};
 pub(super) use self::{orbit::Orbit, plate::Plate};
 use super::{
-    Believed, Compensator, Demand, ExpectedContact, LATCHES, Lead, LoopContext, Phase, Report,
-    Target, delays::Delays,
+    Believed, Compensator, Demand, ExpectedContact, LATCHES, LoopContext, Phase, Report, Target,
+    delays::Delays,
 };
 
 /// Steps of either twin in a tick.
@@ -51,7 +52,6 @@ pub enum Residual {
 /// The twin compensator; see the module's page.
 #[derive(Clone, Debug)]
 pub struct Twin {
-    lead: Lead,
     delays: Delays,
     residual: Residual,
     platform: Platform,
@@ -73,7 +73,6 @@ impl Twin {
     #[must_use]
     pub fn new(believed: &Believed<'_>, lead_s: f64, residual: Residual) -> Self {
         Self {
-            lead: Lead::new(lead_s),
             delays: Delays::new(believed, lead_s),
             residual,
             platform: Platform::new(believed.rig),
@@ -165,14 +164,12 @@ impl Compensator for Twin {
     }
 
     fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
-        if self.trust.gave_up() {
-            return self.lead.command(seen, next);
-        }
         // The contact is of t_k, and the pose arrives the lead after t_{k+1}.
-        let ahead_s = seen.period_s + self.lead.lead_s();
+        let ahead_s = seen.period_s + self.delays.lead_s();
         let ExpectedContact { port4, rate } = self.contact;
         let port4 = port4 + rate * ahead_s;
-        let contact = (seen.phase == Phase::Closed).then_some(ExpectedContact { port4, rate });
+        let expected = seen.phase == Phase::Closed && !self.trust.gave_up();
+        let contact = expected.then_some(ExpectedContact { port4, rate });
         let motion = self.delays.undo_to_jerk(next, self.delays.sensor_s);
         let pose = Target { motion, contact };
         Demand { pose, flow: None, force: None }
