@@ -59,6 +59,7 @@ impl Compensator for Polynomial {
     }
 
     fn reset(&mut self) {
+        self.past.rest((Pose::IDENTITY, Twist::default()));
         self.tick = None;
     }
 

@@ -206,6 +206,7 @@ impl Compensator for Smith {
     }
 
     fn reset(&mut self) {
+        self.past.rest(Seen::default());
         self.begun = false;
         self.contacts = [Contact::default(); 2];
         self.correction = Ports::default();
