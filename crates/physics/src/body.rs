@@ -21,6 +21,7 @@ impl MassProperties {
     /// # Panics
     /// When the mass or the inertia is not positive: models are checked before they come here.
     #[must_use]
+    #[inline]
     pub fn new(mass: f64, inertia_b: DMat3) -> Self {
         assert!(mass > 0.0 && inertia_b.determinant() > 0.0, "unchecked mass properties");
         Self { mass, inertia: inertia_b, inertia_inv: inertia_b.inverse() }
@@ -28,12 +29,14 @@ impl MassProperties {
 
     /// Mass, kg.
     #[must_use]
+    #[inline]
     pub const fn mass(&self) -> f64 {
         self.mass
     }
 
     /// Inertia about the mass centre, body axes, kg·m².
     #[must_use]
+    #[inline]
     pub const fn inertia(&self) -> DMat3 {
         self.inertia
     }
@@ -55,6 +58,7 @@ impl MassProperties {
     }
 }
 
+#[inline]
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
@@ -75,42 +79,49 @@ pub struct BodyState {
 impl BodyState {
     /// At `pose`, moving with velocity `v` (m/s, world) and body rate `w_b` (rad/s, body axes).
     #[must_use]
+    #[inline]
     pub fn new(mp: &MassProperties, pose: Pose, v: DVec3, w_b: DVec3) -> Self {
         Self { p: pose.p, q: pose.q, v, l: pose.q * (mp.inertia * w_b) }
     }
 
     /// Pose of the body frame (at the mass centre).
     #[must_use]
+    #[inline]
     pub const fn pose(&self) -> Pose {
         Pose { p: self.p, q: self.q }
     }
 
     /// Body rate in body axes, rad/s.
     #[must_use]
+    #[inline]
     pub fn rate_body(&self, mp: &MassProperties) -> DVec3 {
         mp.inertia_inv * (self.q.conjugate() * self.l)
     }
 
     /// Angular velocity in world axes, rad/s.
     #[must_use]
+    #[inline]
     pub fn rate_world(&self, mp: &MassProperties) -> DVec3 {
         self.q * self.rate_body(mp)
     }
 
     /// Velocity of the mass centre and angular velocity, world axes.
     #[must_use]
+    #[inline]
     pub fn twist(&self, mp: &MassProperties) -> Twist {
         Twist { v: self.v, w: self.rate_world(mp) }
     }
 
     /// Kinetic energy in the world frame, J.
     #[must_use]
+    #[inline]
     pub fn kinetic_energy(&self, mp: &MassProperties) -> f64 {
         0.5 * mp.mass * self.v.length_squared() + 0.5 * self.l.dot(self.rate_world(mp))
     }
 
     /// Torque-free motion over `h` seconds (may be negative): position exactly, attitude by the
     /// classical Runge–Kutta method on q' = ½ q ω(q) with the angular momentum held.
+    #[inline]
     pub fn drift(&mut self, mp: &MassProperties, h: f64) {
         self.p += self.v * h;
         if self.l == DVec3::ZERO {
@@ -130,6 +141,7 @@ impl BodyState {
     }
 
     /// Impulse of a wrench about the mass centre (world axes) over `h` seconds.
+    #[inline]
     pub fn kick(&mut self, mp: &MassProperties, wrench: Wrench, h: f64) {
         self.v += wrench.f * (h / mp.mass);
         self.l += wrench.m * h;
@@ -137,6 +149,7 @@ impl BodyState {
 
     /// Velocity change that `wrench` would give over `h`, attitude held.
     #[must_use]
+    #[inline]
     pub fn kick_response(&self, mp: &MassProperties, wrench: Wrench, h: f64) -> Twist {
         let dw = self.q * (mp.inertia_inv * (self.q.conjugate() * wrench.m));
         Twist { v: wrench.f * (h / mp.mass), w: dw * h }
@@ -152,6 +165,7 @@ impl BodyState {
 
     /// True when every component is finite.
     #[must_use]
+    #[inline]
     pub fn is_finite(&self) -> bool {
         self.p.is_finite() && self.q.is_finite() && self.v.is_finite() && self.l.is_finite()
     }
@@ -170,6 +184,7 @@ pub enum Composition {
 impl Composition {
     /// Lengths of the pieces as fractions of the step; they add up to 1.
     #[must_use]
+    #[inline]
     pub fn pieces(self) -> &'static [f64] {
         // 1 / (4 − 4^(1/3)), Suzuki, Phys. Lett. A 146 (1990) 319.
         const P: f64 = 0.414_490_771_794_375_7;
@@ -196,6 +211,7 @@ impl BodyPair {
     /// Advances by `h` seconds. `wrenches` is called at each evaluation with the time into the step
     /// (s), the states and the twists to be used for velocity-dependent forces, and returns the
     /// wrench on each body about its own mass centre, world axes. Allocates nothing.
+    #[inline]
     pub fn step<F>(&mut self, h: f64, mut wrenches: F)
     where
         F: FnMut(f64, &[BodyState; 2], &[Twist; 2]) -> [Wrench; 2],

@@ -502,25 +502,40 @@ impl System {
     /// Measures contacts, deflection and latch gaps.
     #[must_use]
     pub fn measure(&self, state: &MechanismState, bodies: &[Pose; 3]) -> Measured {
+        let mut out = self.room();
+        self.measure_into(state, bodies, &mut out);
+        out
+    }
+
+    /// Room for [`Self::measure_into`]; what it holds says nothing yet.
+    #[must_use]
+    pub fn room(&self) -> Measured {
+        let poses = self.poses(&[Pose::IDENTITY; 3]);
+        Measured {
+            contacts: Contacts::new(self.scene.law(), poses.x_wr, Pose::IDENTITY),
+            stick: None,
+            attenuator: AttenuatorGeometry::new(Pose::IDENTITY, self.mechanism.ring_rest_offset_m),
+            latches: [LatchGap::default(); MOST_LATCHES],
+            poses,
+        }
+    }
+
+    /// As [`Self::measure`], into `out`, whatever it held: some ten kilobytes that a step need not move.
+    pub fn measure_into(&self, state: &MechanismState, bodies: &[Pose; 3], out: &mut Measured) {
         let poses = self.poses(bodies);
         let x_rp = poses.x_wr.inverse() * poses.x_wp;
-        let stick = self.stick(&poses);
-        let latches = self.all_latch_gaps(x_rp);
-        let mut out = Measured {
-            contacts: Contacts::new(self.scene.law(), poses.x_wr, x_rp),
-            stick,
-            attenuator: AttenuatorGeometry::new(
-                poses.x_w3.inverse() * poses.x_wr,
-                self.mechanism.ring_rest_offset_m,
-            ),
-            latches,
-            poses,
-        };
+        out.stick = self.stick(&poses);
+        out.latches = self.all_latch_gaps(x_rp);
+        out.contacts.begin(self.scene.law(), poses.x_wr, x_rp);
+        out.attenuator = AttenuatorGeometry::new(
+            poses.x_w3.inverse() * poses.x_wr,
+            self.mechanism.ring_rest_offset_m,
+        );
+        out.poses = poses;
         // With a joint that carries the rings, or a stick that carries everything, nothing else does.
         if state.joint.is_none() && out.stick.is_none() {
             self.scene.measure_into(&state.contact, &mut out.contacts);
         }
-        out
     }
 
     fn all_latch_gaps(&self, x_rp: Pose) -> [LatchGap; MOST_LATCHES] {

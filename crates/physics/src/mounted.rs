@@ -205,6 +205,7 @@ pub struct Mounted {
     latch_gaps_m: [f64; MOST_LATCHES],
     /// Ring, mechanism and balance where weight and springs hold each other.
     rest: Option<(MechanismState, BodyState, Option<Hanger>)>,
+    room: Measured,
 }
 
 impl Mounted {
@@ -215,6 +216,7 @@ impl Mounted {
         let x_wc = rig.x_b0 * rig.x_03 * x_c3.inverse();
         let x_p4 = rig.x_4p.inverse();
         let ring = x_wc * system.ring_at_rest();
+        let room = system.room();
         let mut out = Self {
             uncarried_n: rig.gravity_m_s2 * (system.ring_mass_kg() * rig.uncarried()),
             hanger: hanger(&system, rig),
@@ -231,6 +233,7 @@ impl Mounted {
             rack: Rack::Still,
             latch_gaps_m: [0.0; MOST_LATCHES],
             rest: None,
+            room,
         };
         out.reset();
         out.rest = Some((out.state.clone(), out.ring, out.hanger));
@@ -400,8 +403,8 @@ impl Mounted {
         }
         let poses = self.bodies(x_bp);
         let com = poses.map(|x| x.p);
-        let measured = self.system.measure(&self.state, &poses);
-        self.latch_gaps_m = measured.latches.map(|gap| gap.axial_m);
+        self.system.measure_into(&self.state, &poses, &mut self.room);
+        self.latch_gaps_m = self.room.latches.map(|gap| gap.axial_m);
         let start = self.twists(x_bp, twist, com[TARGET]);
         let mut external = [Wrench::ZERO; 3];
         external[RING] = self.left_behind();
@@ -416,13 +419,13 @@ impl Mounted {
         let ring = self.ring;
         let middle = Midpoint { com, time_s, h };
         let kick =
-            self.system.solve_kick(&measured, &self.state, &start, &external, &middle, |i, w| {
+            self.system.solve_kick(&self.room, &self.state, &start, &external, &middle, |i, w| {
                 match i {
                     RING if !rigid => ring.kick_response(&mass[RING], w, h),
                     _ => Twist::default(),
                 }
             });
-        self.system.commit(&mut self.state, &measured, &kick, &middle);
+        self.system.commit(&mut self.state, &self.room, &kick, &middle);
         if self.open {
             self.state.open();
         }
@@ -438,7 +441,7 @@ impl Mounted {
         }
         self.steps += 1;
         let on_plate = kick.wrench[TARGET].shifted(x_bp.p - com[TARGET]);
-        (on_plate, self.ports(&measured, &kick.forces))
+        (on_plate, self.ports(&self.room, &kick.forces))
     }
 
     /// Both ports' wrenches at the present instant, the plate being at `x_bp` with `twist`.

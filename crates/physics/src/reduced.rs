@@ -198,6 +198,17 @@ impl System {
 
     /// One step of `h` seconds with the control wrenches held. Allocates nothing.
     pub fn step(&self, state: &mut DockingState, inputs: &Inputs, h: f64) {
+        self.step_in(&mut self.room(), state, inputs, h);
+    }
+
+    /// As [`Self::step`], with room for its measurement ([`Self::room`]) that the next step can use again.
+    pub fn step_in(
+        &self,
+        measured: &mut Measured,
+        state: &mut DockingState,
+        inputs: &Inputs,
+        h: f64,
+    ) {
         let mass = self.mass();
         for (b, m) in state.bodies.iter_mut().zip(mass) {
             b.drift(m, 0.5 * h);
@@ -206,7 +217,7 @@ impl System {
         #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 steps")]
         let time_s = (state.step as f64 + 0.5) * h;
         let poses = state.poses();
-        let measured = self.measure(&state.mechanism, &poses);
+        self.measure_into(&state.mechanism, &poses, measured);
         let com = poses.map(|x| x.p);
         let start: [Twist; 3] = core::array::from_fn(|i| state.bodies[i].twist(&mass[i]));
         let mut external = [Wrench::ZERO; 3];
@@ -214,11 +225,11 @@ impl System {
         external[TARGET] = inputs.target.rotated(poses[TARGET].q);
         let middle = Midpoint { com, time_s, h };
         let kick =
-            self.solve_kick(&measured, &state.mechanism, &start, &external, &middle, |i, w| {
+            self.solve_kick(measured, &state.mechanism, &start, &external, &middle, |i, w| {
                 state.bodies[i].kick_response(&mass[i], w, h)
             });
-        self.commit(&mut state.mechanism, &measured, &kick, &middle);
-        state.note(self, &measured, &external, &kick, &middle);
+        self.commit(&mut state.mechanism, measured, &kick, &middle);
+        state.note(self, measured, &external, &kick, &middle);
         for (i, (b, m)) in state.bodies.iter_mut().zip(mass).enumerate() {
             if self.rigid() && i == RING {
                 continue;
@@ -261,6 +272,7 @@ pub struct ReducedTwin {
     system: System,
     state: DockingState,
     step_s: f64,
+    room: Measured,
 }
 
 impl ReducedTwin {
@@ -268,7 +280,8 @@ impl ReducedTwin {
     #[must_use]
     pub fn new(system: System, mut bodies: [BodyState; 3], step_s: f64) -> Self {
         system.follow(&mut bodies);
-        Self { system, state: DockingState::new(bodies), step_s }
+        let room = system.room();
+        Self { system, state: DockingState::new(bodies), step_s, room }
     }
 }
 
@@ -280,7 +293,7 @@ impl DockingTwin for ReducedTwin {
     }
 
     fn step(&mut self, inputs: &Inputs) {
-        self.system.step(&mut self.state, inputs, self.step_s);
+        self.system.step_in(&mut self.room, &mut self.state, inputs, self.step_s);
     }
 
     fn state(&self) -> DockingState {

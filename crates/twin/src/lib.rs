@@ -16,7 +16,7 @@ pub mod rig;
 use docktwin_core::{DMat3, DQuat, DVec3, Digest, Pose, StateHasher, Twist, Wrench};
 use docktwin_physics::{
     body::BodyState,
-    mechanism::{CHASER, Kick, Midpoint, RING, System, TARGET},
+    mechanism::{CHASER, Kick, Measured, Midpoint, RING, System, TARGET},
     reduced::{DockingState, DockingTwin, Inputs},
 };
 use rapier3d_f64::prelude::{
@@ -31,6 +31,7 @@ pub struct FullTwin {
     /// Memory of the mechanism and the running sums; its bodies are those of the last step's middle.
     memory: DockingState,
     step_s: f64,
+    room: Measured,
 }
 
 /// A state of the full twin: rapier's positions and velocities and the memory of the mechanism.
@@ -112,7 +113,8 @@ impl FullTwin {
             )
         });
         let memory = DockingState::new(bodies);
-        let mut twin = Self { system, world, handles, memory, step_s };
+        let room = system.room();
+        let mut twin = Self { system, world, handles, memory, step_s, room };
         // One rebuild makes rapier's derived quantities those of a restored world.
         let snapshot = twin.snapshot();
         twin.restore(&snapshot);
@@ -153,7 +155,8 @@ impl DockingTwin for FullTwin {
         let poses = bodies.map(|b| b.pose());
         #[expect(clippy::cast_precision_loss, reason = "exact below 2^53 steps")]
         let time_s = (self.memory.step as f64 + 0.5) * h;
-        let measured = self.system.measure(&self.memory.mechanism, &poses);
+        self.system.measure_into(&self.memory.mechanism, &poses, &mut self.room);
+        let measured = &self.room;
         let com = poses.map(|x| x.p);
         let start: [Twist; 3] = core::array::from_fn(|i| bodies[i].twist(&mass[i]));
         let mut external = [Wrench::ZERO; 3];
@@ -161,11 +164,11 @@ impl DockingTwin for FullTwin {
         external[TARGET] = inputs.target.rotated(poses[TARGET].q);
         let middle = Midpoint { com, time_s, h };
         let memory = &self.memory.mechanism;
-        let kick = self.system.solve_kick(&measured, memory, &start, &external, &middle, |i, w| {
+        let kick = self.system.solve_kick(measured, memory, &start, &external, &middle, |i, w| {
             bodies[i].kick_response(&mass[i], w, h)
         });
-        self.system.commit(&mut self.memory.mechanism, &measured, &kick, &middle);
-        self.memory.note(&self.system, &measured, &external, &kick, &middle);
+        self.system.commit(&mut self.memory.mechanism, measured, &kick, &middle);
+        self.memory.note(&self.system, measured, &external, &kick, &middle);
         self.memory.step += 1;
         for i in [CHASER, RING, TARGET] {
             if self.system.rigid() && i == RING {

@@ -91,6 +91,21 @@ impl Contacts {
         }
     }
 
+    /// As [`Self::new`], in place: nothing is moved but what is kept.
+    #[inline]
+    pub(crate) fn begin(&mut self, law: &ContactLaw, x_wr: Pose, x_rp: Pose) {
+        self.places.clear();
+        self.seeds.clear();
+        self.apart.clear();
+        self.law = *law;
+        self.elastic = Wrench::ZERO;
+        self.x_wr = x_wr;
+        self.stored_j = 0.0;
+        self.deepest_m = 0.0;
+        self.touching = false;
+        self.x_rp = x_rp;
+    }
+
     /// Keeps how far the next pair's elements are apart.
     pub(crate) fn push_apart(&mut self, apart: Apart) {
         // A scene has no more pairs than there is room for.
