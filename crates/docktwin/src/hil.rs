@@ -75,7 +75,7 @@ pub(crate) struct HilArgs {
     led: LedArgs,
     #[command(flatten)]
     on_rig: OnRigArgs,
-    /// File of `rig calibrate`: what sensor B carries is its own
+    /// File of `rig calibrate`: zeros and delays of the sensors, and what sensor B carries
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     /// Run directory; by default a new one under `runs`.

@@ -159,7 +159,8 @@ pub(crate) struct CalibrateArgs {
     /// File of `rig identify` whose corrections are applied
     #[arg(long, value_name = "FILE")]
     identification: Option<PathBuf>,
-    /// Swing a stick along Y against both ends of its frame by this much, mm: finds A's lateness
+    /// Swing a stick along Y against both ends of its frame, mm, more than its play and 16 at most: finds A's
+    /// lateness
     #[arg(long, value_name = "MM", value_parser = touch_mm)]
     touch_mm: Option<f64>,
 }

@@ -179,7 +179,7 @@ trait Work {
 }
 
 fn failed(e: &dyn core::fmt::Display) -> RunError {
-    RunError::usage(e.to_string(), "the rig was stopped, and nothing was written")
+    RunError::usage(e.to_string(), "mend that and begin again; nothing was written")
 }
 
 /// Connects to a rig, does the work with the chosen clock, and ends the session.
@@ -365,6 +365,13 @@ pub fn calibrate(
             )
         })?;
         let play_m = stick.play_m();
+        if amplitude_m <= play_m {
+            let mm = play_m * 1e3;
+            return Err(RunError::usage(
+                format!("a swing of {} mm ends before the stick touches", amplitude_m * 1e3),
+                format!("let it swing by more than its play of {mm} mm"),
+            ));
+        }
         setup.touch = Some(Touch { dof: 1, amplitude_m, hz: TOUCH_HZ, play_m });
         task.may_change_n = TOUCH_N;
     }

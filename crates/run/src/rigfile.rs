@@ -458,6 +458,18 @@ pub fn write<T: RigFile>(path: &Path, content: &T) -> Result<Digest, RigFileErro
     write_new(path, &text)
 }
 
+/// Makes a folder and sees whether a file can be made in it.
+///
+/// # Errors
+/// What the operating system says.
+pub fn can_write_in(folder: &Path) -> std::io::Result<()> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    std::fs::create_dir_all(folder)?;
+    let probe = folder.join(format!(".docktwin-{}", std::process::id()));
+    std::fs::File::create_new(&probe)?;
+    std::fs::remove_file(probe)
+}
+
 /// Writes a text; a file that is there is never overwritten.
 ///
 /// # Errors

@@ -22,7 +22,7 @@ Every row of Table 4 (a spring stick, 0.235 to 5 Hz) is run with every method ag
 the rig with its own lag and with more, which the loop knows; and with what it does not know: a
 lead that is 0.5 or 1 ms too short or too long, a stick 0.8 or 1.25 times as stiff as believed. A
 cell is good where R_e, R_T, peak and the RMS error of the force are all within 1, 2 or 5 %. That
-makes 196 tests a method, a minute of two cores for each.
+makes 196 tests a method, half a minute of a core for each.
 
 The directory holds stability.csv (one row a cell), stability.svg and stability.json (what --json
 prints).

@@ -11,7 +11,7 @@ use docktwin_hil::{
 };
 use docktwin_run::{
     commission::{self, CalibrateOptions, DriveOptions, IdentifyOptions, Stand},
-    rigfile::{DOFS, RigFile, write, write_new},
+    rigfile::{DOFS, RigFile, can_write_in, write, write_new},
 };
 
 use super::{CalibrateArgs, IdentifyArgs, MeasureArgs};
@@ -34,6 +34,21 @@ impl MeasureArgs {
 
     fn at_x_m(&self) -> Option<f64> {
         self.at_x_mm.map(|mm| mm * 1e-3)
+    }
+
+    /// Whether a file can be written once it is found: looked at before minutes of rig time, not after.
+    fn can_write(&self, path: Option<&Path>, option: &str) -> Result<(), Failure> {
+        let path = path.unwrap_or_else(|| Path::new("calibrations/file"));
+        if path.exists() {
+            return Err(Failure::Usage {
+                what: format!("{} is there already", path.display()),
+                remedy: format!("name a new file with {option}, or move that one away"),
+            });
+        }
+        can_write_in(path.parent().unwrap_or(Path::new("."))).map_err(|e| Failure::Usage {
+            what: format!("{} cannot be written: {e}", path.display()),
+            remedy: format!("name a file in a folder of yours with {option}"),
+        })
     }
 
     /// Writes the file and says where it is.
@@ -69,13 +84,8 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
         dofs: args.dof.iter().map(|d| *d as usize).collect(),
         room_m: args.room_mm * 1e-3,
     };
-    // Before minutes of rig time, not after.
-    if let Some(path) = args.drive.as_ref().filter(|p| p.exists()) {
-        return Err(Failure::Usage {
-            what: format!("{} is there already", path.display()),
-            remedy: "name a new file with --drive, or move that one away".to_owned(),
-        });
-    }
+    m.can_write(args.drive.as_deref(), "--drive")?;
+    m.can_write(m.out.as_deref(), "--out")?;
     let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
     let (found, file) = commission::identify(m.stand()?, &m.drive(), &asked, &mut operator)?;
     let done = m.finish(&file, &identified(&found), json)?;
@@ -138,6 +148,7 @@ fn identified(found: &Identification) -> Vec<String> {
 /// Runs `rig calibrate`.
 pub(super) fn calibrate(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Failure> {
     let m = &args.measure;
+    m.can_write(m.out.as_deref(), "--out")?;
     let asked = CalibrateOptions {
         at_x_m: m.at_x_m(),
         identification: args.identification.clone(),

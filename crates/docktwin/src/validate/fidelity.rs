@@ -1,6 +1,6 @@
 //! `validate fidelity`: dockings on the emulated rig against the simulated system, and what they differ by.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{fmt::Write as _, path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use docktwin_report::study::fidelity as report;
@@ -165,7 +165,12 @@ pub(super) fn run(args: &FidelityArgs, json: bool) -> Result<ExitCode, Failure> 
         })
         .collect();
     let all = json!({ "scenarios": scenarios });
-    let code = results.finish("fidelity", &all, &report::words(&found), json)?;
+    let mut words = report::words(&found);
+    if !removed.is_empty() {
+        let names: Vec<_> = removed.iter().map(|c| c.name()).collect();
+        let _ = writeln!(words, "taken away: {}", names.join(", "));
+    }
+    let code = results.finish("fidelity", &all, &words, json)?;
     let stopped = found.iter().any(|(_, on)| on.stopped.is_some());
     Ok(if stopped { ExitCode::from(OTHERWISE) } else { code })
 }

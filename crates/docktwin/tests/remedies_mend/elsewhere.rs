@@ -133,7 +133,7 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
         &[
             "run it in a terminal, or add --yes when the emergency stop has been tested and nobody is near the rig",
             "test the emergency stop, see that nobody is near the rig, and type `arm`",
-            "the rig was stopped, and nothing was written",
+            "mend that and begin again; nothing was written",
             "the rig was stopped; fix the cause, or draw it back with its own controller",
             "give a scenario with a stick, scenarios/vibro_impact.toml is one",
             "name one that runs: --rig ipc:NAME",

@@ -107,14 +107,18 @@ impl RigParameters {
         identification: Option<&Identification>,
         calibration: Option<&Calibration>,
     ) -> Self {
-        let filed_s: f64 = believed_delays_s(rig).iter().sum();
+        let [plate_s, sensor_s] = believed_delays_s(rig);
         let force = rig.sensors.map(|s| s.force);
-        let delays_s = identification.zip(force).map(|(found, force)| {
+        let delays_s = force.map(|force| {
             let of_a = calibration.map_or(force, |c| c.sensor(0, &force));
             let lag_s = calibration
                 .map_or_else(|| Interface::of_sensor(&force).lag_s(), |c| c.lag_s(1, &force));
-            (found.delay_s() + lag_s, found.lead_s(&of_a))
+            identification.map_or_else(
+                || (plate_s + lag_s, plate_s + Interface::of_sensor(&of_a).lag_s()),
+                |found| (found.delay_s() + lag_s, found.lead_s(&of_a)),
+            )
         });
+        let filed_s = plate_s + sensor_s;
         let sensors = force.map(|f| [0, 1].map(|i| calibration.map_or(f, |c| c.sensor(i, &f))));
         let (interface_delay_s, lead_s) = delays_s.unwrap_or((filed_s, filed_s));
         Self {

@@ -4,6 +4,8 @@
 //! azimuth zero. Its parameters are −1 ≤ u ≤ 1 across the rulings and 0 ≤ s ≤ 1 along them:
 //! `x(u, s) = (1 − s) base(u) + s tip(u)`.
 
+use core::cell::Cell;
+
 use docktwin_core::{DMat3, DVec3};
 use docktwin_model::PetalGeometry;
 use glam::DVec2;
@@ -48,6 +50,28 @@ pub(crate) struct Sheet {
     /// Compliance of the tip as a cantilever of the middle ruling's length L, L³/(3EI), m/N.
     pub(crate) tip_compliance: f64,
     pub(crate) reach: Reach,
+    /// First to fourth.
+    powers: [Powers; 4],
+}
+
+/// One power of the half angles of base and tip: their own, of twice them, of their difference and of their sum.
+#[derive(Clone, Copy, Debug)]
+struct Powers {
+    own: [f64; 2],
+    twice: [f64; 2],
+    difference: f64,
+    sum: f64,
+}
+
+impl Powers {
+    fn new([a, b]: [f64; 2], k: i32) -> Self {
+        Self {
+            own: [a.powi(k), b.powi(k)],
+            twice: [(2.0 * a).powi(k), (2.0 * b).powi(k)],
+            difference: (a - b).abs().powi(k),
+            sum: (a + b).powi(k),
+        }
+    }
 }
 
 /// Bounds of derivatives over a whole sheet, m.
@@ -92,6 +116,7 @@ impl Sheet {
                 u: [larger(1), larger(2), larger(3), larger(4)],
                 s: [(tip.at(1.0) - base.at(1.0)).length(), change(1), change(2), change(3)],
             },
+            powers: [1, 2, 3, 4].map(|k| Powers::new([base.half, tip.half], k)),
         }
     }
 
@@ -206,50 +231,168 @@ impl Patch {
             chord(mix(b[0], t[0]), mix(b[1], t[1]), mix(kb, kt) * h2) + rise * s
         })
     }
+}
 
-    /// As [`Patch::tops`], of `m.x·x + m.y·ρ` with ρ the distance from the X axis of another frame,
-    /// into which (r, p) takes the sheet's; m is a unit vector, m.y ≥ 0. Convex along every ruling. A bound
-    /// below `enough` is not made tighter.
-    pub(crate) fn tops_about(
+/// A patch about the X axis of another frame: its points as (x, ρ), ρ the distance from that axis. What bounds
+/// in any direction need is worked out once.
+#[derive(Clone, Debug)]
+pub(crate) struct PatchAbout {
+    pub(crate) patch: Patch,
+    /// Ends of the patch's outer rulings in the other frame.
+    ends: [[DVec3; 2]; 2],
+    edges: [EdgeAbout; 2],
+}
+
+/// One edge of constant s: (x, ρ) of its two corners, and how it bends once that was asked for.
+#[derive(Clone, Debug)]
+struct EdgeAbout {
+    corners: [DVec2; 2],
+    bend: Cell<Option<BendAbout>>,
+}
+
+/// Second derivative of (x, ρ) by u in the middle of an edge, and by how much it can change to either end.
+#[derive(Clone, Copy, Debug)]
+struct BendAbout {
+    middle: DVec2,
+    change: f64,
+}
+
+impl EdgeAbout {
+    fn new(ends: &[[DVec3; 2]; 2], s: f64) -> Self {
+        let corners = ends.map(|[b, t]| {
+            let x = b + (t - b) * s;
+            DVec2::new(x.x, off_axis(x))
+        });
+        Self { corners, bend: Cell::new(None) }
+    }
+}
+
+impl PatchAbout {
+    /// (r, p) takes the sheet's frame into the other.
+    pub(crate) fn new(patch: Patch, (r, p): (&DMat3, DVec3)) -> Self {
+        let ends = patch.ends.map(|e| e.map(|x| *r * x + p));
+        let edges = patch.s.map(|s| EdgeAbout::new(&ends, s));
+        Self { patch, ends, edges }
+    }
+
+    /// The parts before and after `at`, cut across u.
+    pub(crate) fn cut_u(&self, sheet: &Sheet, (r, p): (&DMat3, DVec3), at: f64) -> [Self; 2] {
+        let [low, high] = self.patch.cut_u(sheet, at);
+        let middle = low.ends[1].map(|x| *r * x + p);
+        let part = |patch: Patch, ends: [[DVec3; 2]; 2]| Self {
+            edges: patch.s.map(|s| EdgeAbout::new(&ends, s)),
+            patch,
+            ends,
+        };
+        [part(low, [self.ends[0], middle]), part(high, [middle, self.ends[1]])]
+    }
+
+    /// The parts before and after `at`, cut across s.
+    pub(crate) fn cut_s(&self, at: f64) -> [Self; 2] {
+        let [low, high] = self.patch.cut_s(at);
+        let middle = EdgeAbout::new(&self.ends, at);
+        let [first, second] = self.edges.clone();
+        [
+            Self { patch: low, ends: self.ends, edges: [first, middle.clone()] },
+            Self { patch: high, ends: self.ends, edges: [middle, second] },
+        ]
+    }
+
+    /// As [`Patch::tops`], of `m.x·x + m.y·ρ`; m is a unit vector, m.y ≥ 0. Convex along every ruling. A
+    /// bound below `enough` is not made tighter.
+    pub(crate) fn tops(
         &self,
         sheet: &Sheet,
-        (r, p): (&DMat3, DVec3),
+        x: (&DMat3, DVec3),
         m: DVec2,
         enough: [f64; 2],
     ) -> [f64; 2] {
-        let h = self.u[1] - self.u[0];
-        let ends = self.ends.map(|e| e.map(|x| *r * x + p));
+        let h = self.patch.u[1] - self.patch.u[0];
         core::array::from_fn(|i| {
-            let s = self.s[i];
-            let g = ends.map(|[b, t]| {
-                let x = b + (t - b) * s;
-                m.x * x.x + m.y * off_axis(x)
-            });
+            let (s, edge) = (self.patch.s[i], &self.edges[i]);
+            let g = edge.corners.map(|c| m.dot(c));
             let k = sheet.base.size(2) * (1.0 - s) + sheet.tip.size(2) * s;
             let top = chord(g[0], g[1], k * h * h);
             if (g[1] - g[0]).abs() >= 0.5 * k * h * h || top <= enough[i] {
                 return top;
             }
-            chord(g[0], g[1], k.min(self.fall_about(sheet, (r, p), m, s)) * h * h)
+            let bend = edge.bend.get().unwrap_or_else(|| {
+                let bend = self.bend(sheet, x, s);
+                edge.bend.set(Some(bend));
+                bend
+            });
+            // How fast the slope along the edge can fall.
+            let fall = (0.5 * h * bend.change - m.dot(bend.middle)).max(0.0);
+            chord(g[0], g[1], k.min(fall) * h * h)
         })
     }
 
-    /// Bound from above of how fast the slope of [`Patch::tops_about`]'s function falls along the edge
-    /// at `s`: its second derivative in the middle, and how much that can change.
-    fn fall_about(&self, sheet: &Sheet, (r, p): (&DMat3, DVec3), m: DVec2, s: f64) -> f64 {
-        let h = self.u[1] - self.u[0];
-        let j = sheet.jet(0.5 * (self.u[0] + self.u[1]), s);
+    fn bend(&self, sheet: &Sheet, (r, p): (&DMat3, DVec3), s: f64) -> BendAbout {
+        let [low, high] = self.patch.u;
+        let j = sheet.jet(0.5 * (low + high), s);
         let (x, d1, d2) = (*r * j.p + p, *r * j.u, *r * j.uu);
         let rho = off_axis(x);
-        let nearest = rho - 0.5 * h * sheet.reach.u[0];
+        let nearest = rho - 0.5 * (high - low) * sheet.reach.u[0];
         if nearest < 0.1 * rho {
-            return f64::INFINITY;
+            return BendAbout { middle: DVec2::ZERO, change: f64::INFINITY };
         }
         let e = DVec2::new(x.y, x.z) / rho;
         let around = d1.z * e.x - d1.y * e.y;
-        let bend = m.y * (around * around / rho + e.x * d2.y + e.y * d2.z) + m.x * d2.x;
-        let change = sheet.change_about([s, s], (r, p), nearest)[0];
-        (0.5 * h * change - bend).max(0.0)
+        let middle = DVec2::new(d2.x, around * around / rho + e.x * d2.y + e.y * d2.z);
+        let change = sheet.third_about(s, (r, p), nearest);
+        BendAbout { middle, change }
+    }
+}
+
+/// The sheet's arcs about the X axis of another frame: what bounds of derivatives by u are made of.
+struct ArcsAbout<'a> {
+    sheet: &'a Sheet,
+    /// Radii of the arcs by their shares of a ruling's point.
+    radii: [f64; 2],
+    /// Largest distance of the arcs' axis from the other, as the other's (y, z) see it.
+    offset: f64,
+    even: f64,
+    odd: f64,
+    rise: f64,
+}
+
+impl<'a> ArcsAbout<'a> {
+    fn new(sheet: &'a Sheet, span: [f64; 2], (r, p): (&DMat3, DVec3)) -> Self {
+        let off = |v: DVec3| DVec2::new(v.y, v.z);
+        let (y, z) = (off(r.y_axis), off(r.z_axis));
+        let (base, tip) = (sheet.base.x, sheet.tip.x);
+        let offset = |s: f64| {
+            let centre = off(p + r.x_axis * (base + (tip - base) * s));
+            DVec2::new(centre.dot(y), centre.dot(z)).length_squared()
+        };
+        let widest = if span[0] < span[1] {
+            offset(span[0]).max(offset(span[1]))
+        } else {
+            offset(span[0])
+        };
+        let (yy, zz) = (y.length_squared(), z.length_squared());
+        Self {
+            sheet,
+            radii: [sheet.base.radius * (1.0 - span[0]), sheet.tip.radius * span[1]],
+            offset: widest.sqrt(),
+            even: 0.5 * (yy + zz),
+            odd: DVec2::new(0.5 * (yy - zz), y.dot(z)).length(),
+            rise: DVec2::new(r.y_axis.x, r.z_axis.x).length(),
+        }
+    }
+
+    /// Size of the k-th derivative of ρ²: a sum of cosines of u.
+    fn of_square(&self, k: usize) -> f64 {
+        let ([a, b], p) = (self.radii, &self.sheet.powers[k - 1]);
+        2.0 * self.offset * (a * p.own[0] + b * p.own[1])
+            + self.odd * (a * a * p.twice[0] + b * b * p.twice[1])
+            + 2.0 * a * b * (self.even * p.difference + self.odd * p.sum)
+    }
+
+    /// Of (x, ρ), `of_root` being that of ρ.
+    fn whole(&self, k: usize, of_root: f64) -> f64 {
+        let ([a, b], p) = (self.radii, &self.sheet.powers[k - 1]);
+        DVec2::new(of_root, self.rise * (a * p.own[0] + b * p.own[1])).length()
     }
 }
 
@@ -260,39 +403,35 @@ impl Sheet {
     pub(crate) fn change_about(
         &self,
         span: [f64; 2],
-        (r, p): (&DMat3, DVec3),
+        x: (&DMat3, DVec3),
         nearest: f64,
     ) -> [f64; 2] {
-        let off = |v: DVec3| DVec2::new(v.y, v.z);
-        let (y, z) = (off(r.y_axis), off(r.z_axis));
-        let centre = |s: f64| off(p + r.x_axis * (self.base.x + (self.tip.x - self.base.x) * s));
-        let (a, b) = (self.base.radius * (1.0 - span[0]), self.tip.radius * span[1]);
-        let (ha, hb) = (self.base.half, self.tip.half);
-        let offset = span.map(|s| DVec2::new(centre(s).dot(y), centre(s).dot(z)).length());
-        let offset = offset[0].max(offset[1]);
-        let even = 0.5 * (y.length_squared() + z.length_squared());
-        let odd = DVec2::new(0.5 * (y.length_squared() - z.length_squared()), y.dot(z)).length();
-        // Size of the k-th derivative of ρ².
-        let q = |k: i32| {
-            2.0 * offset * (a * ha.powi(k) + b * hb.powi(k))
-                + odd * (a * a * (2.0 * ha).powi(k) + b * b * (2.0 * hb).powi(k))
-                + 2.0 * a * b * (even * (ha - hb).abs().powi(k) + odd * (ha + hb).powi(k))
-        };
-        let (q1, q2, q3, q4) = (q(1), q(2), q(3), q(4));
-        let rise = DVec2::new(r.y_axis.x, r.z_axis.x).length();
-        let [third, fourth] = root_derivatives([q1, q2, q3, q4], nearest);
-        [
-            DVec2::new(third, rise * (a * ha.powi(3) + b * hb.powi(3))).length(),
-            DVec2::new(fourth, rise * (a * ha.powi(4) + b * hb.powi(4))).length(),
-        ]
+        let arcs = ArcsAbout::new(self, span, x);
+        let q = [1, 2, 3, 4].map(|k| arcs.of_square(k));
+        let [third, fourth] = root_derivatives(q, nearest);
+        [arcs.whole(3, third), arcs.whole(4, fourth)]
     }
+
+    /// The first of [`Sheet::change_about`] on one edge.
+    fn third_about(&self, s: f64, x: (&DMat3, DVec3), nearest: f64) -> f64 {
+        let arcs = ArcsAbout::new(self, [s, s], x);
+        let [q1, q2, q3] = [1, 2, 3].map(|k| arcs.of_square(k));
+        arcs.whole(3, root_third([q1, q2, q3], nearest))
+    }
+}
+
+/// Bound of the third derivative of a root, as [`root_derivatives`].
+fn root_third([q1, q2, q3]: [f64; 3], least: f64) -> f64 {
+    let i = 1.0 / least;
+    let i3 = i * i * i;
+    0.5 * i * q3 + i3 * q1 * (0.75 * q2 + 0.375 * i * i * q1 * q1)
 }
 
 /// Bounds of the third and fourth derivative of a root, from those of the first to fourth of what is under
 /// it, by Faà di Bruno; the root is at least `least`.
 pub(crate) fn root_derivatives([q1, q2, q3, q4]: [f64; 4], least: f64) -> [f64; 2] {
     let i = 1.0 / least;
-    let third = 0.5 * i * q3 + 0.75 * i.powi(3) * q1 * q2 + 0.375 * i.powi(5) * q1.powi(3);
+    let third = root_third([q1, q2, q3], least);
     let fourth = 0.5 * i * q4
         + 0.25 * i.powi(3) * (4.0 * q1 * q3 + 3.0 * q2 * q2)
         + 2.25 * i.powi(5) * q1 * q1 * q2

@@ -164,7 +164,7 @@ pub(crate) struct Place<const N: usize, A> {
 /// Two cores, the first with its parameters in front.
 pub(crate) trait Pairing<const N: usize> {
     /// A rectangle with what bounds on it need.
-    type Part: Copy;
+    type Part: Clone;
     /// A direction of separation.
     type Aim: Copy;
 

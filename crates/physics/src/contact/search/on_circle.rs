@@ -12,7 +12,7 @@ use super::{
 };
 use crate::contact::{
     cells::OnPetal,
-    geometry::{Circle, Jet as SheetJet, Patch, Sheet, off_axis},
+    geometry::{Circle, Jet as SheetJet, Patch, PatchAbout, Sheet, off_axis},
 };
 
 /// The pair, in the sheet's frame for what it gives back.
@@ -103,19 +103,21 @@ impl OnPetal<2> for OnCircle<'_> {
 }
 
 impl Pairing<2> for OnCircle<'_> {
-    type Part = Patch;
+    type Part = PatchAbout;
     type Aim = Aim;
 
-    fn part(&self, rect: &Rect<2>) -> Patch {
-        Patch::new(self.sheet, [rect.lo[0], rect.hi[0]], [rect.lo[1], rect.hi[1]])
+    fn part(&self, rect: &Rect<2>) -> PatchAbout {
+        let patch = Patch::new(self.sheet, [rect.lo[0], rect.hi[0]], [rect.lo[1], rect.hi[1]]);
+        PatchAbout::new(patch, (&self.r, self.p))
     }
 
-    fn rect(part: &Patch) -> Rect<2> {
-        Rect { lo: [part.u[0], part.s[0]], hi: [part.u[1], part.s[1]] }
+    fn rect(part: &PatchAbout) -> Rect<2> {
+        let Patch { u, s, .. } = part.patch;
+        Rect { lo: [u[0], s[0]], hi: [u[1], s[1]] }
     }
 
-    fn cut(&self, part: &Patch, dim: usize, at: f64) -> [Patch; 2] {
-        if dim == 0 { part.cut_u(self.sheet, at) } else { part.cut_s(at) }
+    fn cut(&self, part: &PatchAbout, dim: usize, at: f64) -> [PatchAbout; 2] {
+        if dim == 0 { part.cut_u(self.sheet, (&self.r, self.p), at) } else { part.cut_s(at) }
     }
 
     fn sum(&self) -> f64 {
@@ -126,8 +128,8 @@ impl Pairing<2> for OnCircle<'_> {
         self.stiffness.least_gain()
     }
 
-    fn sizes(&self, part: &Patch) -> [f64; 2] {
-        part.sizes(self.sheet)
+    fn sizes(&self, part: &PatchAbout) -> [f64; 2] {
+        part.patch.sizes(self.sheet)
     }
 
     fn scales(&self) -> [f64; 2] {
@@ -163,33 +165,33 @@ impl Pairing<2> for OnCircle<'_> {
         }
     }
 
-    fn near(&self, _: &Patch, z: &[f64; 2]) -> ([f64; 2], f64, Aim) {
+    fn near(&self, _: &PatchAbout, z: &[f64; 2]) -> ([f64; 2], f64, Aim) {
         let (d, aim) = self.distance(self.sheet.at(z[0], z[1]));
         (*z, self.stiffness.effective(self.sum() - d, z[1], 0.0), aim)
     }
 
-    fn excess(&self, part: &Patch, aim: &Aim, best: &Place<2, Aim>, target: f64) -> f64 {
+    fn excess(&self, part: &PatchAbout, aim: &Aim, best: &Place<2, Aim>, target: f64) -> f64 {
         let Aim { n, e } = *aim;
         let room = self.sum() - n.y * self.circle.radius;
         let w = &best.softening;
         // The depth in metres that makes the target at either end of the rulings.
-        let deep = part.s.map(|s| {
+        let deep = part.patch.s.map(|s| {
             if target <= 0.0 {
                 target
             } else if self.stiffness.is_convex() {
                 target * (w.inverse + w.slope[0] * (s - best.z[1]))
             } else {
-                target * self.stiffness.softening(part.s[0], 0.0).inverse
+                target * self.stiffness.softening(part.patch.s[0], 0.0).inverse
             }
         });
         // A circle outside is parted by a cone about its axis, one inside by a plane.
         let tops = if n.y > 0.0 {
             let enough = deep.map(|d| d - room - AMPLE_M);
-            part.tops_about(self.sheet, (&self.r, self.p), n, enough)
+            part.tops(self.sheet, (&self.r, self.p), n, enough)
         } else {
             let n = DVec3::new(n.x, n.y * e.x, n.y * e.y);
             let shift = n.dot(self.p);
-            part.tops(self.sheet, self.r.transpose() * n).map(|t| t + shift)
+            part.patch.tops(self.sheet, self.r.transpose() * n).map(|t| t + shift)
         };
         room + (tops[0] - deep[0]).max(tops[1] - deep[1])
     }
