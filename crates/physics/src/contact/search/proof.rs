@@ -14,8 +14,6 @@ const ROOM: f64 = 0.3;
 pub(super) const AMPLE_M: f64 = 5e-4;
 /// Parts looked at before a search gives up. Reached only where the cores meet.
 const MOST_PARTS: u32 = 4000;
-/// Parts worked off after all is proven, to have something to spare.
-const SPARE_PARTS: u32 = 8;
 /// Parts that wait at a time; of more the shallowest are given up, at their bounds.
 const MOST_OPEN: usize = 64;
 /// Every so many parts the one at hand is polished: a second place nearly as deep is then settled
@@ -189,31 +187,18 @@ struct Search<'a, P: Pairing<N>, const N: usize> {
 }
 
 impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
-    /// Works off the part that may be deepest until none may be deeper than the target, and goes on for
-    /// a little to have something to spare. Returns the effective depth that nothing outside the
-    /// best place's neighbourhood exceeds.
+    /// Works off the part that may be deepest until none may be deeper than the target. Returns the effective
+    /// depth that nothing outside the best place's neighbourhood exceeds.
     fn run(&mut self) -> f64 {
         self.restart();
-        let mut proven_at = None;
         while let Some(i) = self.worst() {
-            let most = self.open[i].excess;
-            if most <= 0.0 {
-                let at = *proven_at.get_or_insert(self.parts);
-                if self.best.effective <= self.floor
-                    || most <= -AMPLE_M
-                    || self.parts >= at + SPARE_PARTS
-                {
-                    break;
-                }
-            }
             self.parts += 1;
-            if self.parts >= MOST_PARTS {
+            if self.open[i].excess <= 0.0 || self.parts >= MOST_PARTS {
                 break;
             }
             let before = self.target;
             self.work_off(i);
             if self.target > before {
-                proven_at = None;
                 self.restart();
             }
         }
