@@ -5,4 +5,6 @@ mod circle;
 mod sheet;
 
 pub(crate) use circle::Circle;
-pub(crate) use sheet::{Jet, Patch, PatchAbout, Sheet, nearest_on_pieces, off_axis, root_derivatives};
+pub(crate) use sheet::{
+    Jet, Patch, PatchAbout, Sheet, nearest_on_pieces, off_axis, root_derivatives,
+};

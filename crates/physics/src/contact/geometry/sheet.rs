@@ -365,11 +365,8 @@ impl<'a> ArcsAbout<'a> {
             let centre = off(p + r.x_axis * (base + (tip - base) * s));
             DVec2::new(centre.dot(y), centre.dot(z)).length_squared()
         };
-        let widest = if span[0] < span[1] {
-            offset(span[0]).max(offset(span[1]))
-        } else {
-            offset(span[0])
-        };
+        let widest =
+            if span[0] < span[1] { offset(span[0]).max(offset(span[1])) } else { offset(span[0]) };
         let (yy, zz) = (y.length_squared(), z.length_squared());
         Self {
             sheet,
@@ -571,7 +568,12 @@ mod tests {
             let m = DVec2::new((0.9 * t).cos(), (0.9 * t).sin().abs());
             let (flat, about) = (
                 patch.tops(&sheet, n),
-                patch.tops_about(&sheet, (&turn, p), m, [f64::NEG_INFINITY; 2]),
+                PatchAbout::new(patch, (&turn, p)).tops(
+                    &sheet,
+                    (&turn, p),
+                    m,
+                    [f64::NEG_INFINITY; 2],
+                ),
             );
             let mut most = [[f64::NEG_INFINITY; 2]; 2];
             for i in 0..=20 {
