@@ -4,7 +4,9 @@
 use core::{fmt, str::FromStr};
 use std::{path::Path, time::Duration};
 
-use docktwin_control::compensation::{Compensation, MOST_LEAD_S, Order, Published, Residual};
+use docktwin_control::compensation::{
+    Compensation, Learning, MOST_LEAD_S, Order, Published, Residual,
+};
 use docktwin_hil::{
     calibrate::Calibration,
     clock::Clock,
@@ -209,6 +211,11 @@ pub fn compensation(choice: CompensatorChoice, lead_s: f64) -> Result<Compensati
         CompensatorChoice::SmithLead => published(Published::SmithLead),
         CompensatorChoice::SmithDob => published(Published::SmithDob),
         CompensatorChoice::PriorForce => published(Published::PriorForce),
+        CompensatorChoice::Ats => published(Published::Adaptive(Learning::TimeSeries)),
+        CompensatorChoice::Amb => published(Published::Adaptive(Learning::Gradient)),
+        CompensatorChoice::RlsInverse => published(Published::Adaptive(Learning::RecursiveLegs)),
+        CompensatorChoice::UkfInverse => published(Published::Adaptive(Learning::Unscented)),
+        CompensatorChoice::Passivity => published(Published::Passivity),
         CompensatorChoice::Twin => Compensation::Twin { lead_s, residual: Residual::Felt },
         CompensatorChoice::TwinModelOnly => {
             Compensation::Twin { lead_s, residual: Residual::LeftOut }

@@ -183,6 +183,16 @@ pub enum CompensatorChoice {
     SmithDob,
     /// Force corrected by a simple model known beforehand.
     PriorForce,
+    /// Inverse whose coefficients are found by least squares over the last second.
+    Ats,
+    /// Inverse whose coefficients follow the gradient of the error.
+    Amb,
+    /// Inverse of every leg by recursive least squares.
+    RlsInverse,
+    /// Inverse by an unscented Kalman filter of plate and drive.
+    UkfInverse,
+    /// Damping that takes the energy that came from nowhere.
+    Passivity,
     /// Two twins, in orbit and on the ground, and a lead.
     Twin,
     /// The same with the measured wrenches left out: a control for validations.
@@ -191,7 +201,7 @@ pub enum CompensatorChoice {
 
 impl CompensatorChoice {
     /// Words by which scenario and command line name them.
-    pub const WORDS: [(&'static str, Self); 12] = [
+    pub const WORDS: [(&'static str, Self); 17] = [
         ("none", Self::None),
         ("lead", Self::Lead),
         ("force-lead", Self::ForceLead),
@@ -202,12 +212,17 @@ impl CompensatorChoice {
         ("smith-lead", Self::SmithLead),
         ("smith-dob", Self::SmithDob),
         ("prior-force", Self::PriorForce),
+        ("ats", Self::Ats),
+        ("amb", Self::Amb),
+        ("rls-inverse", Self::RlsInverse),
+        ("ukf-inverse", Self::UkfInverse),
+        ("passivity", Self::Passivity),
         ("twin", Self::Twin),
         ("twin-model-only", Self::TwinModelOnly),
     ];
 
     /// The same words as an option of the command line shows them.
-    pub const NAMES: &'static str = "none|lead|force-lead|pe1|pe2|pe3|state-force-inverse|smith-lead|smith-dob|prior-force|twin|twin-model-only";
+    pub const NAMES: &'static str = "none|lead|force-lead|pe1|pe2|pe3|state-force-inverse|smith-lead|smith-dob|prior-force|ats|amb|rls-inverse|ukf-inverse|passivity|twin|twin-model-only";
 }
 
 /// The body a thrust acts on.

@@ -44,6 +44,12 @@ impl Delays {
         self.dead_s + self.lag[0]
     }
 
+    /// Coefficients of s and s² of the inverse of the plate, s and s².
+    pub(super) fn of_plate(&self) -> [f64; 2] {
+        let [c1, c2, _] = self.series(0.0);
+        [c1, c2]
+    }
+
     /// The command with which the plate is at `next` in its time, the dead time by a series and the drives by their
     /// inverse, both to the acceleration; `further_s` more dead time.
     pub(super) fn undo(&self, next: &RelativeMotion, further_s: f64) -> RelativeMotion {

@@ -28,7 +28,10 @@ pub use believed::Believed;
 pub use context::{LoopContext, Measured, Phase};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
-pub use published::{ForceLead, Order, Polynomial, Prior, Published, Smith, StateForce};
+pub use published::{
+    Adaptive, ForceLead, Learning, Order, Passivity, Polynomial, Prior, Published, Smith,
+    StateForce,
+};
 pub use twin::{Residual, Twin};
 
 /// Latches whose phases a measurement has room for.
@@ -234,6 +237,10 @@ pub enum Method {
     Smith(Box<Smith>),
     /// See [`Prior`].
     Prior(Box<Prior>),
+    /// See [`Adaptive`].
+    Adaptive(Box<Adaptive>),
+    /// See [`Passivity`].
+    Passivity(Passivity),
     /// See [`Twin`].
     Twin(Box<Twin>),
 }
@@ -249,6 +256,8 @@ macro_rules! each {
             Method::StateForce($m) => $call,
             Method::Smith($m) => $call,
             Method::Prior($m) => $call,
+            Method::Adaptive($m) => $call,
+            Method::Passivity($m) => $call,
             Method::Twin($m) => $call,
         }
     };

@@ -3,14 +3,21 @@
 //! They were published for one axis or for tests of structures; here each is written for six axes and for the seam of
 //! [`Compensator`], with what its source says. What a source leaves open is chosen here, and said at the method.
 
+mod adaptive;
 mod force_lead;
+mod passivity;
 mod polynomial;
 mod prior;
 mod smith;
 mod state_force;
 
 pub use self::{
-    force_lead::ForceLead, polynomial::Polynomial, prior::Prior, smith::Smith,
+    adaptive::{Adaptive, Learning},
+    force_lead::ForceLead,
+    passivity::Passivity,
+    polynomial::Polynomial,
+    prior::Prior,
+    smith::Smith,
     state_force::StateForce,
 };
 use super::{Believed, Method, delays::Delays};
@@ -30,6 +37,10 @@ pub enum Published {
     SmithDob,
     /// Force corrected by a simple model of the mechanism, known beforehand.
     PriorForce,
+    /// Inverse of the drives whose coefficients are learned while the rig moves.
+    Adaptive(Learning),
+    /// Damping that takes the energy that came from nowhere.
+    Passivity,
 }
 
 /// Order of a polynomial.
@@ -56,7 +67,7 @@ impl Order {
 
 impl Published {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 13] = [
         Self::ForceLead,
         Self::Polynomial(Order::First),
         Self::Polynomial(Order::Second),
@@ -65,6 +76,11 @@ impl Published {
         Self::SmithLead,
         Self::SmithDob,
         Self::PriorForce,
+        Self::Adaptive(Learning::TimeSeries),
+        Self::Adaptive(Learning::Gradient),
+        Self::Adaptive(Learning::RecursiveLegs),
+        Self::Adaptive(Learning::Unscented),
+        Self::Passivity,
     ];
 
     /// Name as on the command line.
@@ -77,6 +93,8 @@ impl Published {
             Self::SmithLead => smith::LEAD,
             Self::SmithDob => smith::DOB,
             Self::PriorForce => prior::NAME,
+            Self::Adaptive(learning) => learning.name(),
+            Self::Passivity => passivity::NAME,
         }
     }
 
@@ -90,6 +108,10 @@ impl Published {
             Self::SmithLead => Method::Smith(Box::new(Smith::new(believed, delays, false))),
             Self::SmithDob => Method::Smith(Box::new(Smith::new(believed, delays, true))),
             Self::PriorForce => Method::Prior(Box::new(Prior::new(believed, delays))),
+            Self::Adaptive(learning) => {
+                Method::Adaptive(Box::new(Adaptive::new(learning, believed, delays)))
+            }
+            Self::Passivity => Method::Passivity(Passivity::new(believed)),
         }
     }
 }
