@@ -571,6 +571,10 @@ fn oracle_directories_and_files_that_are_there_stay() {
         &["export", "one", "--format", "csv", "--out", "kept.csv"],
         &["analyze", "stiffness", rig, "--out", "one"],
         &["rig", "identify", "--rig", "emulated", "--model", rig, "--drive", "kept.csv"],
+        &["rig", "identify", "--rig", "emulated", "--model", rig, "--out", "kept.csv"],
+        &["rig", "calibrate", "--rig", "emulated", "--model", rig, "--out", "kept.csv"],
+        // A file is no folder.
+        &["rig", "calibrate", "--rig", "emulated", "--model", rig, "--out", "kept.csv/a.toml"],
     ] {
         let done = docktwin(words, at);
         assert_eq!(done.status.code(), Some(2), "{words:?}: {}", said(&done));

@@ -46,6 +46,42 @@ fn invariant_forces_are_the_gradient_of_the_stored_energy() {
     holds(survey::gradient, 40);
 }
 
+/// Petals that touch along a line: two places of it differ by 9 nm of depth, and the one that is taken must not depend
+/// on where the search began; and one place so flat that sixty rounds did not reach it.
+#[test]
+fn regress_of_a_line_of_contact_the_deepest_place_is_taken() {
+    let scene = survey::without_friction(&common::apas());
+    let poses = [
+        (
+            DVec3::new(
+                0.371_575_240_367_745_4,
+                -0.190_169_709_280_005_68,
+                -0.092_629_088_804_326_34,
+            ),
+            [
+                0.090_003_016_098_845_03,
+                0.130_940_413_971_205_48,
+                0.981_632_174_690_091_1,
+                0.105_604_633_873_585_92,
+            ],
+        ),
+        (
+            DVec3::new(0.371_439_720_076_042, -0.190_512_212_100_530_86, -0.092_476_955_628_486_16),
+            [
+                0.090_126_125_828_618_79,
+                0.131_058_958_764_697_42,
+                0.981_586_184_160_979_2,
+                0.105_779_931_153_908_92,
+            ],
+        ),
+    ];
+    for (p, q) in poses {
+        let x = Pose::new(p, DQuat::from_array(q));
+        let error = survey::gradient_error(&scene, x);
+        assert!(error < 1e-3, "{error:e} at {x:?}");
+    }
+}
+
 #[test]
 fn invariant_depths_change_by_no_more_than_the_surfaces_move() {
     holds(survey::continuity, 150);

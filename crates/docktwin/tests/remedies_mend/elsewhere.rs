@@ -20,7 +20,10 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
         Test("crates/model/src/tests.rs", "regress_impossible_rigs_are_refused_by_geometry"),
     ),
     (
-        &["name a new file with --drive, or move that one away"],
+        &[
+            "name a new file with {option}, or move that one away",
+            "name a file in a folder of yours with {option}",
+        ],
         Test(
             "crates/docktwin/tests/same_kinds.rs",
             "oracle_directories_and_files_that_are_there_stay",
@@ -136,6 +139,7 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
             "mend that and begin again; nothing was written",
             "the rig was stopped; fix the cause, or draw it back with its own controller",
             "give a scenario with a stick, scenarios/vibro_impact.toml is one",
+            "let it swing by more than its play of {mm} mm",
             "name one that runs: --rig ipc:NAME",
             "name the scenario whose mechanism stands on the rig: --scenario FILE",
             "put the rig's file beside the models of docktwin",

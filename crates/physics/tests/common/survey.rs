@@ -71,10 +71,7 @@ pub fn continuity(m: &DockingMechanism, region: &Region, count: u64, first: u64)
 
 /// Forces and moments against differences of the stored energy, relative: ≤ 1e-3.
 pub fn gradient(m: &DockingMechanism, region: &Region, count: u64, first: u64) -> Tally {
-    let mut m = m.clone();
-    m.contact.friction_kinetic = 0.0;
-    m.contact.friction_static = 0.0;
-    let scene = Scene::new(&m);
+    let scene = without_friction(m);
     let mut tally = Tally::new("force against the gradient of the energy", region);
     for k in first..first + count {
         let mut draws = Draws::new(0x6AD + k);
@@ -91,9 +88,17 @@ pub fn gradient(m: &DockingMechanism, region: &Region, count: u64, first: u64) -
     tally
 }
 
+/// The surfaces alone, whose forces are a gradient.
+pub fn without_friction(m: &DockingMechanism) -> Scene {
+    let mut m = m.clone();
+    m.contact.friction_kinetic = 0.0;
+    m.contact.friction_static = 0.0;
+    Scene::new(&m)
+}
+
 /// By differences over ±0.1 µm, and over a tenth of it where a contact begins or ends within them: the energy has a kink
 /// in its second derivative there, which a difference takes for an error.
-fn gradient_error(scene: &Scene, x: Pose) -> f64 {
+pub fn gradient_error(scene: &Scene, x: Pose) -> f64 {
     let error = difference_error(scene, x, 1e-7);
     if error < 1e-4 { error } else { difference_error(scene, x, 1e-8) }
 }

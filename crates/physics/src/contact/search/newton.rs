@@ -14,7 +14,7 @@ pub(crate) struct Jet<const N: usize> {
 const FLAT: f64 = 1e-13;
 /// A step this short ends the iteration: Newton's method has squared its error with it.
 const SHORT: f64 = 1e-8;
-const MOST_ROUNDS: usize = 60;
+const MOST_ROUNDS: usize = 1000;
 
 /// Minimises from `z` within `lo` and `hi`: Newton's method on the parameters that are free, with a
 /// shift of the second derivatives where they are not positive. Never goes up.

@@ -138,7 +138,11 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
         Some(proof) => search.basins[0] = Some(proof.basin),
         None => search.keep_basin(&place),
     }
-    let rest = search.run();
+    let mut rest = search.run();
+    if rest > search.target {
+        search.look_at_sides();
+        rest = rest.max(search.best.effective);
+    }
     let basin = search.basins[0].filter(|_| search.best.effective > floor);
     Found {
         place: search.best,
@@ -205,6 +209,31 @@ impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
         let most = self.open.iter().map(|o| o.excess).fold(self.given_up, f64::max);
         // An excess is a depth; as an effective depth it is less by the gain, of which the least counts.
         self.target + most * if most < 0.0 { self.pairing.least_gain() } else { 1.0 }
+    }
+
+    /// Where cores touch along a line a place has others as good as it all along, to less than a bound can tell. Of those
+    /// the best is at a side of the rectangle or known: which one is taken must not depend on where the search began.
+    fn look_at_sides(&mut self) {
+        for _ in 0..MOST_BASINS {
+            let before = self.best;
+            for i in 0..N {
+                for side in [self.rect.lo[i], self.rect.hi[i]] {
+                    let mut on_side = self.rect;
+                    (on_side.lo[i], on_side.hi[i]) = (side, side);
+                    let there = polish(self.pairing, &on_side, &on_side.clamp(&before.z));
+                    let place = polish(self.pairing, &self.rect, &there.z);
+                    if place.effective > self.best.effective {
+                        self.best = place;
+                        self.target = goal(place.effective, self.floor);
+                    }
+                }
+            }
+            if self.best.effective <= before.effective {
+                break;
+            }
+        }
+        // No neighbourhood is known to be the new place's own.
+        self.basins = [None; MOST_BASINS];
     }
 
     /// Begins anew with the whole rectangle, for another target.
