@@ -312,6 +312,7 @@ impl<R: Rig, K: Clock> Drive<R, K> {
             saturated: m.status.intersects(Status::SENSOR_A_SATURATED | Status::SENSOR_B_SATURATED),
             // Whether a sensor is alive is what is being found out.
             ticks_frozen: 0,
+            energy_gained: None,
         }
     }
 

@@ -4,7 +4,10 @@
 mod common;
 
 use common::stick::{Models, axis, emulated, models, settings};
-use docktwin_control::compensation::{Compensation, Published, Residual};
+use docktwin_control::{
+    compensation::{Compensation, Published, Residual},
+    safety::Limit,
+};
 use docktwin_core::{DVec3, PERIOD_NS, Pose};
 use docktwin_hil::{
     clock::VirtualClock,
@@ -106,6 +109,63 @@ fn invariant_peaks_grow_without_compensation_and_fall_with_too_much() {
     let diverges = many(Compensation::None, 60);
     let trip = diverges.trip.expect("the supervisor ends it");
     println!("{trip:?} after {} contacts", diverges.contacts.len());
+}
+
+/// What the loop adds is measured by the contact itself: R_e² − 1 of the kinetic energy, and with a lead that fits nothing.
+#[test]
+fn oracle_energy_that_the_loop_adds_is_what_the_speeds_say() {
+    let m = models();
+    for name in ["x", "y"] {
+        let test = VibroTest::new(TABLE_4[4], &[axis(name)], &m.body, &m.stick).unwrap();
+        for (c, within) in [(Compensation::None, 0.01), (Compensation::Lead(1.84e-3), 0.004)] {
+            let (found, shares) = with_budget(&m, &test, &settings(c), 10.0);
+            let (share, gained) = (*shares.last().unwrap(), found.contacts[0].r_e.powi(2) - 1.0);
+            println!("{name} {}: {share:+.4} of {gained:+.4}", c.name());
+            assert!((share - gained).abs() < within, "{name} {}: {share} {gained}", c.name());
+        }
+    }
+}
+
+/// A budget of 6 %: what a contact adds without compensation is damped from half of it on; where damping cannot keep
+/// up the run ends. A loop that adds nothing is left alone.
+#[test]
+fn invariant_a_budget_of_energy_is_kept() {
+    let m = models();
+    let test = VibroTest::new(TABLE_4[2], &[axis("y")], &m.body, &m.stick).unwrap();
+    let many = VibroSettings { contacts: 8, ..settings(Compensation::None) };
+    let (free, _) = with_budget(&m, &test, &many, 1e3);
+    let (kept, shares) = with_budget(&m, &test, &many, 0.06);
+    let most = shares.iter().copied().fold(0.0, f64::max);
+    println!("most {most:.4}, {:?}, {} contacts", kept.trip, kept.contacts.len());
+    assert!(most > 0.03 && (most < 0.0601 || kept.trip.is_some_and(|t| t.limit == Limit::Energy)));
+    let last = |run: &VibroRun| run.contacts.last().unwrap().v0_m_s.abs();
+    assert!(last(&kept) < last(&free), "{} {}", last(&kept), last(&free));
+    // A budget of a tenth of a per cent is passed in the first contact.
+    let (stopped, _) = with_budget(&m, &test, &many, 1e-3);
+    assert_eq!(stopped.trip.map(|t| t.limit), Some(Limit::Energy));
+    // With twins it changes nothing.
+    let twin = settings(Compensation::Twin { lead_s: 1.84e-3, residual: Residual::Felt });
+    let of = |budget| with_budget(&m, &test, &twin, budget).0.contacts[0].r_e;
+    assert_eq!(of(0.02).to_bits(), of(1e3).to_bits());
+}
+
+/// With a limit of energy: the run, and the shares that were seen.
+fn with_budget(
+    m: &Models,
+    test: &VibroTest,
+    s: &VibroSettings,
+    share: f64,
+) -> (VibroRun, Vec<f64>) {
+    let mut setup = test.setup(&m.rig, s).unwrap();
+    setup.limits.energy_gained = Some(share);
+    let idle = Loop::new(setup, InProcess::new(emulated(m, test)), VirtualClock::new(PERIOD_NS));
+    let mut shares = Vec::new();
+    let run = test.run(idle, |r| {
+        if r.phase == Phase::Closed {
+            shares.extend(r.gained.map(|g| g.share));
+        }
+    });
+    (run.unwrap(), shares)
 }
 
 /// Locus planning ends where the bodies begin, in position and in velocity.

@@ -72,6 +72,15 @@ pub enum RunEvent {
         /// Force measured at port 4 less the expected one, N.
         residual_n: f64,
     },
+    /// The loop has added energy: above a tenth of its budget, or above half of it, from where it is damped.
+    EnergyGained {
+        /// Over the kinetic energy of the relative motion.
+        share: f64,
+        /// J.
+        energy_j: f64,
+        /// Whether it is damped.
+        damped: bool,
+    },
     /// How near a run with a rig came to the simulated system.
     Fidelity(Box<Fidelity>),
     /// Something that no bound asks about and a reader should know.
@@ -118,12 +127,30 @@ fn fidelity_words(f: &Fidelity) -> String {
     out.join("; ")
 }
 
+fn missed_ticks(t: f64, missed: u64, lateness_ms: f64) -> (String, Value) {
+    (
+        format!("t = {t:.3} s {missed} ticks left out: woken {lateness_ms:.3} ms late"),
+        json!({ "missed": missed, "lateness_ms": lateness_ms }),
+    )
+}
+
 fn fell_back(t: f64, method: &str, residual_n: f64) -> (String, Value) {
     let text = format!(
-        "t = {t:.3} s `{method}` gives its model up, {residual_n:.0} N off what is measured, and goes on as a \
-         lead"
+        "t = {t:.3} s `{method}` gives its model up, {residual_n:.0} N off what is measured, and goes on with \
+         its command alone"
     );
     (text, json!({ "compensator": method, "residual_n": residual_n }))
+}
+
+fn energy_gained(t: f64, [share, energy_j]: [f64; 2], damped: bool) -> (String, Value) {
+    let damping = if damped { ", and is damped" } else { "" };
+    let percent = share * 100.0;
+    (
+        format!(
+            "t = {t:.3} s the loop has added {percent:.2} % of the kinetic energy, {energy_j:.3} J{damping}"
+        ),
+        json!({ "share": share, "energy_j": energy_j, "damped": damped }),
+    )
 }
 
 impl RunEvent {
@@ -145,6 +172,7 @@ impl RunEvent {
             Self::SafetyStop(_) => "safety_stop",
             Self::MissedTicks { .. } => "missed_ticks",
             Self::FellBack { .. } => "fell_back",
+            Self::EnergyGained { .. } => "energy_gained",
             Self::Fidelity(_) => "fidelity",
             Self::Warning(_) => "warning",
             Self::Outcome { .. } => "outcome",
@@ -227,11 +255,11 @@ impl RunEvent {
                     "limit": trip.limit.name(), "value": trip.value, "allowed": trip.allowed,
                 }),
             ),
-            Self::MissedTicks { missed, lateness_ms } => (
-                format!("t = {t:.3} s {missed} ticks left out: woken {lateness_ms:.3} ms late"),
-                json!({ "missed": missed, "lateness_ms": lateness_ms }),
-            ),
+            Self::MissedTicks { missed, lateness_ms } => missed_ticks(t, *missed, *lateness_ms),
             Self::FellBack { method, residual_n } => fell_back(t, method, *residual_n),
+            Self::EnergyGained { share, energy_j, damped } => {
+                energy_gained(t, [*share, *energy_j], *damped)
+            }
             Self::Fidelity(f) => (
                 format!("against the simulated system: {}", fidelity_words(f)),
                 // Plain numbers and nulls: it always serialises.

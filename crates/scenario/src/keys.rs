@@ -283,6 +283,13 @@ pub(crate) const KEYS: &[Key] = &[
         "Moment at a port beyond which the supervisor stops the rig; without it 1.2 times the \
          mechanism's largest.",
     ),
+    key(
+        "loop.energy_limit",
+        Shape::Maybe(Range::positive(1e3)),
+        "Energy that the loop may add, over the largest kinetic energy of the relative motion: from a tenth of it on the run \
+         says so, from half of it on the relative motion is damped, beyond it the rig is stopped. Without it the loop's energy is judged \
+         after the run.",
+    ),
     key("thrust.on", Shape::Words(&["chaser", "target"], true), "The body that is pushed."),
     key(
         "thrust.after",

@@ -329,6 +329,7 @@ fn read_loop(t: &Table<'_, '_>) -> HilSettings {
             == Some(true),
         force_limit_n: maybe(t, "force_limit_n"),
         moment_limit_nm: maybe(t, "moment_limit_nm"),
+        energy_limit: maybe(t, "energy_limit"),
     };
     if settings.compensator == Some(CompensatorChoice::None) && settings.lead_s.is_some() {
         t.refuse(

@@ -158,6 +158,8 @@ pub struct HilSettings {
     pub force_limit_n: Option<f64>,
     /// Of the supervisor, N·m.
     pub moment_limit_nm: Option<f64>,
+    /// Of the supervisor: energy that the loop may add, over the kinetic energy.
+    pub energy_limit: Option<f64>,
 }
 
 /// Compensator of the delay of a rig.

@@ -4,8 +4,6 @@ use docktwin_model::PositionLoop;
 use docktwin_physics::programme::RelativeMotion;
 
 use super::Believed;
-use crate::{one_sided::Interface, sensing::SensorScheme};
-
 /// Lag of the plate behind its command, and of the force sensor behind the force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Delays {
@@ -20,9 +18,7 @@ pub(super) struct Delays {
 impl Delays {
     /// Of a rig as believed; `lead_s` is the lag of plate and sensor together, as identified or believed.
     pub(super) fn new(believed: &Believed<'_>, lead_s: f64) -> Self {
-        let of_sensor = believed.sensors.as_ref().map_or(0.0, |[a, b]| {
-            Interface::of_sensor(if believed.scheme == SensorScheme::Two { b } else { a }).lag_s()
-        });
+        let of_sensor = believed.sensor_lag_s();
         let sensor_s = of_sensor.clamp(0.0, lead_s);
         let plate_s = lead_s - sensor_s;
         // Legs on oil are undone by their own feed-forward: what is left is dead time.

@@ -15,6 +15,7 @@
 mod believed;
 mod context;
 mod delays;
+mod energy;
 mod history;
 mod lead;
 mod none;
@@ -26,6 +27,7 @@ use docktwin_physics::{mounted::Ports, programme::RelativeMotion};
 
 pub use believed::Believed;
 pub use context::{LoopContext, Measured, Phase};
+pub use energy::{EnergyObserver, Gained};
 pub use lead::{Lead, MOST_LEAD_S};
 pub use none::Uncompensated;
 pub use published::{
@@ -240,7 +242,7 @@ pub enum Method {
     /// See [`Adaptive`].
     Adaptive(Box<Adaptive>),
     /// See [`Passivity`].
-    Passivity(Passivity),
+    Passivity(Box<Passivity>),
     /// See [`Twin`].
     Twin(Box<Twin>),
 }

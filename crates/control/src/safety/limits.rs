@@ -34,6 +34,9 @@ pub struct SafetyLimits {
     /// Most measurements in a row in which a sensor repeats the one before to the last bit. Default 20: a
     /// sensor that is alive shows its noise; arming asks for the same.
     pub sensor_frozen_ticks: u32,
+    /// Most energy that the loop may add, over the kinetic energy of the relative motion: from half of it on the motion
+    /// is damped. Default none: a docking is then judged by its bounds afterwards; `loop.energy_limit`.
+    pub energy_gained: Option<f64>,
 }
 
 /// Threshold between 0 (no) and 1 (yes), for rules that are only true or false.
@@ -53,6 +56,7 @@ impl SafetyLimits {
             tracking_error_m: 0.02,
             ticks_without_measurement: 10,
             sensor_frozen_ticks: 20,
+            energy_gained: None,
         }
     }
 
@@ -69,6 +73,7 @@ impl SafetyLimits {
             Limit::Tracking => self.tracking_error_m,
             Limit::Watchdog => f64::from(self.ticks_without_measurement),
             Limit::Frozen => f64::from(self.sensor_frozen_ticks),
+            Limit::Energy => self.energy_gained.unwrap_or(f64::INFINITY),
             Limit::Rig | Limit::Saturated | Limit::Finite => YES_OR_NO,
         }
     }

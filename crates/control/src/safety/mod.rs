@@ -47,13 +47,15 @@ pub enum Limit {
     Saturated,
     /// Consecutive measurements in which the reading of a sensor is bit-identical.
     Frozen,
+    /// Energy that the loop adds, over the kinetic energy of the relative motion; judged where a budget is given.
+    Energy,
     /// A number that is not finite.
     Finite,
 }
 
 impl Limit {
     /// How many there are.
-    pub const COUNT: usize = 12;
+    pub const COUNT: usize = 13;
 
     /// All of them.
     pub const ALL: [Self; Self::COUNT] = [
@@ -68,6 +70,7 @@ impl Limit {
         Self::Rig,
         Self::Saturated,
         Self::Frozen,
+        Self::Energy,
         Self::Finite,
     ];
 
@@ -86,6 +89,7 @@ impl Limit {
             Self::Rig => "rig_status",
             Self::Saturated => "sensor_saturated",
             Self::Frozen => "sensor_frozen_ticks",
+            Self::Energy => "energy_gained",
             Self::Finite => "not_finite",
         }
     }
@@ -129,6 +133,8 @@ pub struct Watched {
     pub saturated: bool,
     /// See [`Limit::Frozen`].
     pub ticks_frozen: u32,
+    /// See [`Limit::Energy`]; `None` without a budget.
+    pub energy_gained: Option<f64>,
 }
 
 impl Watched {
@@ -143,6 +149,7 @@ impl Watched {
             self.port_moment_nm,
             self.pose_half_widths,
             self.tracking_error_m,
+            self.energy_gained.unwrap_or_default(),
         ];
         numbers.iter().all(|x| x.is_finite())
     }
@@ -238,6 +245,7 @@ mod tests {
         tracking_error_m: 0.02,
         ticks_without_measurement: 10,
         sensor_frozen_ticks: 20,
+        energy_gained: Some(0.1),
     };
 
     #[test]
@@ -256,6 +264,7 @@ mod tests {
             (Limit::Rig, |w| w.rig_left = true),
             (Limit::Saturated, |w| w.saturated = true),
             (Limit::Frozen, |w| w.ticks_frozen = 21),
+            (Limit::Energy, |w| w.energy_gained = Some(0.11)),
             (Limit::Finite, |w| w.port_force_n = f64::NAN),
         ];
         for (limit, spoil) in cases {
@@ -289,7 +298,8 @@ mod tests {
         assert!(near(Limit::Stroke, 0.5) && near(Limit::LegSpeed, 0.5), "{m:?}");
         assert!(near(Limit::Force, 1.0) && near(Limit::Rig, 1.0), "{m:?}");
         assert_eq!(m.of(Limit::LegForce), None);
-        assert_eq!(m.iter().count(), Limit::COUNT - 1);
+        // Leg forces and the loop's energy.
+        assert_eq!(m.iter().count(), Limit::COUNT - 2);
         s.judge(&Watched { leg_force_n: Some(4.5e4), ..good }, 3);
         assert!(s.margins().of(Limit::LegForce).is_some_and(|x| (x - 0.25).abs() < 1e-12));
     }

@@ -31,6 +31,7 @@ pub(super) const RULES: [(Limit, Rule); Limit::COUNT] = [
     (Limit::Rig, rig),
     (Limit::Saturated, saturated),
     (Limit::Frozen, frozen),
+    (Limit::Energy, energy),
     (Limit::Finite, finite),
 ];
 
@@ -91,6 +92,10 @@ fn saturated(w: &Watched, l: &SafetyLimits) -> Option<Reading> {
 
 fn frozen(w: &Watched, l: &SafetyLimits) -> Option<Reading> {
     at_most(f64::from(w.ticks_frozen), l.of(Limit::Frozen))
+}
+
+fn energy(w: &Watched, l: &SafetyLimits) -> Option<Reading> {
+    at_most(w.energy_gained?, l.energy_gained?)
 }
 
 fn finite(w: &Watched, l: &SafetyLimits) -> Option<Reading> {

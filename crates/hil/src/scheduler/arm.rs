@@ -1,7 +1,7 @@
 //! The arming checklist, and the run before its first tick.
 
 use docktwin_control::{
-    compensation::{Compensator, Demand, Measured, Method},
+    compensation::{Compensator, Demand, EnergyObserver, Gained, Measured, Method},
     feedforward::PlateMotion,
     planner::{Move, Route, RunUp},
     safety::{Supervisor, half_widths},
@@ -165,6 +165,11 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Idle, C> {
             motion,
             conditioning,
             supervisor: Supervisor::new(s.limits),
+            energy: s
+                .limits
+                .energy_gained
+                .map(|_| EnergyObserver::new(&s.system, s.believed().sensor_lag_s())),
+            gained: Gained::default(),
             form,
             guard: guard(&s.rig, &s.limits, last.capabilities, reference_a),
             last: RigMeasurement::zero(),

@@ -19,7 +19,7 @@
 //! was armed.
 
 use docktwin_control::{
-    compensation::{Demand, LoopContext, Measured, Method},
+    compensation::{Demand, EnergyObserver, Gained, LoopContext, Measured, Method},
     feedforward::{PathTimes, PlateMotion},
     planner::{Move, Route, RunUp},
     safety::Supervisor,
@@ -82,6 +82,9 @@ pub struct Running {
     motion: RelativeMotion,
     conditioning: Conditioning,
     supervisor: Supervisor,
+    /// Where the loop's energy has a budget, and what it found in this tick.
+    energy: Option<EnergyObserver>,
+    gained: Gained,
     /// Form of the commands: legs, or pose of the plate.
     form: Form,
     guard: Guard,

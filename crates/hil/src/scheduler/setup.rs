@@ -202,12 +202,16 @@ impl LoopSetup {
     /// The compensator that is named, made of what is believed of rig and mechanism.
     #[must_use]
     pub fn method(&self) -> Method {
-        self.compensation.method(&Believed {
+        self.compensation.method(&self.believed())
+    }
+
+    pub(super) fn believed(&self) -> Believed<'_> {
+        Believed {
             rig: &self.rig,
             system: &self.system,
             scheme: self.scheme,
             sensors: self.parameters.sensors,
-        })
+        }
     }
 
     /// Why this cannot be run.
@@ -301,6 +305,13 @@ impl LoopSetupBuilder {
         let limits = &mut self.0.limits;
         limits.port_force_n = force_n.unwrap_or(limits.port_force_n);
         limits.port_moment_nm = moment_nm.unwrap_or(limits.port_moment_nm);
+        self
+    }
+
+    /// Most energy that the loop may add, over the kinetic energy of the relative motion; `None`: it is not judged.
+    #[must_use]
+    pub const fn energy_limit(mut self, share: Option<f64>) -> Self {
+        self.0.limits.energy_gained = share;
         self
     }
 

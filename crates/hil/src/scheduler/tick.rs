@@ -1,7 +1,7 @@
 //! One tick of a running loop.
 
 use docktwin_control::{
-    compensation::{Compensator, LATCHES, Measured, Report, Target},
+    compensation::{Compensator, Gained, LATCHES, Measured, Report, Target},
     feedforward::PlateMotion,
     safety::{Trip, Watched, half_widths},
     sensing::{Readings, SensorScheme},
@@ -74,6 +74,8 @@ pub struct TickRecord {
     pub compensator_digest: Option<u64>,
     /// What the compensator says of its model, where it has one.
     pub compensator_report: Option<Report>,
+    /// The loop's energy, where it has a budget.
+    pub gained: Option<Gained>,
     /// The limit that was passed, from its tick on.
     pub trip: Option<Trip>,
 }
@@ -187,6 +189,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
             command,
             compensator_digest: self.compensator.digest(),
             compensator_report: self.compensator.report(),
+            gained: self.setup.limits.energy_gained.map(|_| self.state.gained),
             trip,
         })
     }
@@ -304,11 +307,19 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
         self.state.ports
     }
 
-    /// What the compensator adds to the wrenches for the bodies.
+    /// What the compensator, and beyond half of a budget of energy its damping, add to the wrenches for the bodies.
     fn correct(&mut self, tick: u64, control: &Inputs) -> Option<Ports> {
         let paths = self.setup.feedforward.path_times();
+        let mut energy = self.state.energy.take();
         let seen = self.state.context(tick, self.period_s(), control, paths);
-        self.compensator.wrench(&seen)
+        let correction = self.compensator.wrench(&seen);
+        let budget = self.setup.limits.energy_gained.zip(energy.as_mut());
+        let (gained, damping) = budget.map_or_else(Default::default, |(budget, energy)| {
+            energy.see(&seen);
+            energy.within(budget, &seen)
+        });
+        (self.state.energy, self.state.gained) = (energy, gained);
+        damping.map_or(correction, |d| Some(correction.unwrap_or_default() + d))
     }
 
     /// Motion at `t_{k+1}`, and the phase of the next tick.
@@ -484,6 +495,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
             rig_left: !open && (m.status.intersects(left) || !m.is(Status::ENABLED)),
             saturated: self.saturated(),
             ticks_frozen: s.frozen.into_iter().fold(0, u32::max),
+            energy_gained: self.setup.limits.energy_gained.map(|_| s.gained.share),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What a compensator with a model did over a run.
 
-use docktwin_control::compensation::Compensation;
+use docktwin_control::compensation::{Compensation, Gained};
 use docktwin_hil::scheduler::TickRecord;
 use docktwin_record::CompensatorSummary;
 
@@ -71,5 +71,23 @@ impl Compensated {
                 self.method.name()
             )
         })
+    }
+}
+
+/// What has been said of the loop's energy.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct EnergyTold {
+    told: bool,
+    damped: bool,
+}
+
+impl EnergyTold {
+    /// Tells once that the loop gains energy, and once that it is damped.
+    pub(super) fn take(&mut self, r: &TickRecord) -> Option<RunEvent> {
+        let g = r.gained?;
+        let new = g.damped && !self.damped || g.told && !self.told;
+        (self.damped, self.told) = (self.damped || g.damped, self.told || g.told);
+        let Gained { share, energy_j, damped, .. } = g;
+        new.then_some(RunEvent::EnergyGained { share, energy_j, damped })
     }
 }

@@ -242,6 +242,7 @@ impl<'a> HilRun<'a> {
             .added_ticks(added_ticks)
             .sensors(if hil.two_sensors { SensorScheme::Two } else { SensorScheme::Single })
             .loads(hil.force_limit_n, hil.moment_limit_nm)
+            .energy_limit(hil.energy_limit)
             .approach(Approach {
                 speed_m_s: MOVE_M_S,
                 rate_rad_s: MOVE_RAD_S,

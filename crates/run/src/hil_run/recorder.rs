@@ -11,7 +11,7 @@ use docktwin_scenario::Scenario;
 
 use super::{
     Ended, HilRun, PERIOD_NS, PERIOD_S,
-    compensated::Compensated,
+    compensated::{Compensated, EnergyTold},
     prepare::see,
     summary::{loop_summary, milliseconds, safety_summary, step_summary},
     verdict,
@@ -43,6 +43,7 @@ pub(crate) struct HilRecorder<'a, S> {
     watcher: Watcher,
     meter: FidelityMeter,
     compensated: Compensated,
+    energy: EnergyTold,
     thrusts: TimedThrusts,
     situation: Situation,
     events: Vec<RunEvent>,
@@ -87,6 +88,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
                 PERIOD_NS,
             ),
             compensated: Compensated::new(run.setup.compensation),
+            energy: EnergyTold::default(),
             thrusts: TimedThrusts::of(scenario),
             situation: run.commands(crate::control::Coasting).now,
             events: Vec::new(),
@@ -153,6 +155,7 @@ impl<'a, S: Sink> HilRecorder<'a, S> {
     fn observe(&mut self, now: &Instant, r: &TickRecord, time: SimTime) {
         self.meter.add(r);
         self.events.extend(self.compensated.take(r, time.seconds()));
+        self.events.extend(self.energy.take(r));
         let seen = now.observation(time.seconds());
         let observed =
             Observed { system: &self.system, now, seen: &seen, control: &r.control, time };

@@ -111,7 +111,7 @@ impl Published {
             Self::Adaptive(learning) => {
                 Method::Adaptive(Box::new(Adaptive::new(learning, believed, delays)))
             }
-            Self::Passivity => Method::Passivity(Passivity::new(believed)),
+            Self::Passivity => Method::Passivity(Box::new(Passivity::new(believed))),
         }
     }
 }

@@ -130,9 +130,10 @@ pub(super) struct Recursive {
     first: [f64; 2],
 }
 
-/// Standard deviations at the beginning, s and s², noise of the filtered lengths, m, and memory, s.
-const UNCERTAIN: [f64; 2] = [2e-3, 5e-6];
-const NOISE_M: f64 = 5e-6;
+/// Standard deviations at the beginning, s and s²; what of the lengths lag and second order do not explain, m: noise, and
+/// legs that give way under a load; and memory, s.
+const UNCERTAIN: [f64; 2] = [1e-3, 5e-6];
+const NOISE_M: f64 = 5e-5;
 const MEMORY_S: f64 = 1.0;
 
 impl Recursive {
