@@ -23,7 +23,9 @@ use self::{
     unscented::Unscented,
 };
 use crate::{
-    compensation::{Believed, Compensator, Demand, LoopContext, Phase, delays::Delays},
+    compensation::{
+        Believed, Compensator, Demand, LoopContext, Phase, delays::Delays, history::History,
+    },
     excitation::displacement,
 };
 
@@ -126,47 +128,58 @@ pub struct Adaptive {
     platform: Platform,
     /// Where displacements are counted from, `X_34`.
     place: Option<Pose>,
+    /// What was commanded, `X_34`, for the last ticks.
+    commanded: History<Pose, KEPT>,
+    tick: Option<u64>,
     laws: [Law; 6],
 }
+
+/// Commands that are kept: measurements are a few ticks old at most.
+const KEPT: usize = 64;
 
 impl Adaptive {
     pub(super) fn new(learning: Learning, believed: &Believed<'_>, delays: Delays) -> Self {
         let [a1, a2] = delays.of_plate();
         let laws = core::array::from_fn(|_| Law::new(learning, [1.0, a1, a2]));
-        Self { learning, delays, platform: Platform::new(believed.rig), place: None, laws }
+        Self {
+            learning,
+            delays,
+            platform: Platform::new(believed.rig),
+            place: None,
+            commanded: History::new(Pose::IDENTITY),
+            tick: None,
+            laws,
+        }
     }
 
     const fn by_legs(&self) -> bool {
         matches!(self.learning, Learning::RecursiveLegs)
     }
 
-    /// Coordinates of a plate at `x_bp`: displacement of `e4` from the place, or of the legs' lengths.
-    fn coordinates(&self, place: &Pose, x_bp: &Pose) -> [f64; 6] {
+    /// Coordinates of the mechanisms at `x_34`: displacement of `e4` from the place, or of the legs' lengths.
+    fn coordinates(&self, place: &Pose, x_34: &Pose) -> [f64; 6] {
         if self.by_legs() {
-            let lengths = |x: &Pose| self.platform.at(x).length_m;
-            let (now, then) = (lengths(x_bp), lengths(&self.platform.plate_from_docking(place)));
+            let lengths =
+                |x: &Pose| self.platform.at(&self.platform.plate_from_docking(x)).length_m;
+            let (now, then) = (lengths(x_34), lengths(place));
             core::array::from_fn(|i| now[i] - then[i])
         } else {
-            displacement(place, &self.platform.docking_from_plate(x_bp))
+            displacement(place, x_34)
         }
     }
 
     fn learn(&mut self, seen: &LoopContext<'_>) {
         let Some(place) = self.place else { return };
         let learns = matches!(seen.phase, Phase::RunUp | Phase::Closed);
-        if !learns || !seen.measured.fresh || seen.in_flight.len() < 2 {
+        if !learns || !seen.measured.fresh {
             return;
         }
-        // What was commanded for the instant of the measurement.
-        let back = seen.measured.age_s / seen.period_s;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few ticks")]
-        let whole = (back.max(0.0) as usize).min(seen.in_flight.len() - 2);
-        #[expect(clippy::cast_precision_loss, reason = "a few ticks")]
-        let part = (back - whole as f64).clamp(0.0, 1.0);
-        let (new, old) = (&seen.in_flight[whole].x_bp, &seen.in_flight[whole + 1].x_bp);
+        // What was commanded for the instant of the measurement: here, not what is on its way to the rig, which may have been
+        // held back.
+        let (new, old, part) = self.commanded.ago(seen.measured.age_s / seen.period_s);
         let commanded = Pose::new(new.p + (old.p - new.p) * part, new.q.slerp(old.q, part));
         let u = self.coordinates(&place, &commanded);
-        let y = self.coordinates(&place, &seen.measured.x_bp);
+        let y = self.coordinates(&place, &seen.measured.x_34);
         for (i, law) in self.laws.iter_mut().enumerate() {
             law.see(u[i], y[i], seen.period_s);
         }
@@ -213,7 +226,7 @@ impl Adaptive {
             p.plate_acceleration(&next.x_34, &next.twist, &next.acceleration),
         );
         let j = p.plate_acceleration(&next.x_34, &Twist::default(), &next.jerk);
-        let x = self.coordinates(place, &x_bp);
+        let x = self.coordinates(place, &next.x_34);
         let (lv, la, lj) = (at.rates(&v), at.accelerations(&v, &a), at.rates(&j));
         let Some(back) = at.jacobian().try_inverse() else { return *next };
         let of_plate = |legs: [f64; 6]| twist((back * Vector6::from(legs)).into());
@@ -246,7 +259,8 @@ impl Compensator for Adaptive {
     }
 
     fn reset(&mut self) {
-        self.place = None;
+        (self.place, self.tick) = (None, None);
+        self.commanded.rest(Pose::IDENTITY);
         let [a1, a2] = self.delays.of_plate();
         self.laws.iter_mut().for_each(|law| law.reset([1.0, a1, a2]));
     }
@@ -256,10 +270,17 @@ impl Compensator for Adaptive {
         None
     }
 
-    fn command(&mut self, _seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
+    fn command(&mut self, seen: &LoopContext<'_>, next: &RelativeMotion) -> Demand {
+        let since = self.tick.map_or(1, |before| seen.tick.saturating_sub(before));
+        self.tick = Some(seen.tick);
+        if self.place.is_none() {
+            // It has been there for ever.
+            self.commanded.rest(next.x_34);
+        }
         let place = *self.place.get_or_insert(next.x_34);
         let led =
             if self.by_legs() { self.by_lengths(&place, next) } else { self.by_axes(&place, next) };
+        (0..since.clamp(1, KEPT as u64)).for_each(|_| self.commanded.push(led.x_34));
         Demand::of(led)
     }
 
