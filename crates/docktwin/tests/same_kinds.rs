@@ -573,6 +573,7 @@ fn oracle_directories_and_files_that_are_there_stay() {
         &["rig", "identify", "--rig", "emulated", "--model", rig, "--drive", "kept.csv"],
         &["rig", "identify", "--rig", "emulated", "--model", rig, "--out", "kept.csv"],
         &["rig", "calibrate", "--rig", "emulated", "--model", rig, "--out", "kept.csv"],
+        &["rig", "identify", "--rig", "emulated", "--model", rig, "--out", "a", "--drive", "a"],
         // A file is no folder.
         &["rig", "calibrate", "--rig", "emulated", "--model", rig, "--out", "kept.csv/a.toml"],
     ] {

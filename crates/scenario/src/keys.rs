@@ -287,8 +287,8 @@ pub(crate) const KEYS: &[Key] = &[
         "loop.energy_limit",
         Shape::Maybe(Range::positive(1e3)),
         "Energy that the loop may add, over the largest kinetic energy of the relative motion: from a tenth of it on the run \
-         says so, from half of it on the relative motion is damped, beyond it the rig is stopped. Without it the loop's energy is judged \
-         after the run.",
+         says so, from half of it on the relative motion is damped, beyond it the rig is stopped. Without it that energy is not \
+         computed. See docs/compensation.md.",
     ),
     key("thrust.on", Shape::Words(&["chaser", "target"], true), "The body that is pushed."),
     key(

@@ -2,11 +2,11 @@
 //! where the plate is not where its sensor felt the force.
 //!
 //! ```text
-//! E += F4·Δx(bodies) − F4·Δx(plate, τ_F ago)      share = E / largest kinetic energy of the relative motion so far
+//! E += felt·Δx(bodies) − measured·Δx(plate, τ_F ago)      share = E / largest kinetic energy of the relative motion so far
 //! ```
 //!
-//! F4 as measured, τ_F the lag of its sensor. In the first half of a contact E is below zero where the plate is late. What a
-//! compensator adds to the measured wrenches is no part of it: that is meant. With a budget the loop damps from half
+//! F4 as the bodies feel it (what a compensator adds included) and as it is measured, τ_F the lag of its sensor. In the first half
+//! of a contact E is below zero where the plate is late. With a budget the loop damps from half
 //! of it on, and is stopped beyond it. It is a watchman, never a compensator: what is damped leaves where the bodies turn,
 //! and the contact lasts longer.
 
@@ -20,6 +20,8 @@ use crate::{excitation::apart, sensing::opposite};
 const KEPT: usize = 64;
 /// Most damping, 1/s.
 const MOST_BETA_HZ: f64 = 50.0;
+/// Speed below which no motion counts as kinetic energy, m/s.
+const LEAST_M_S: f64 = 5e-3;
 /// Share of the budget at which damping begins, and at which it is said.
 const DAMPED_FROM: f64 = 0.5;
 const TOLD_FROM: f64 = 0.1;
@@ -61,7 +63,7 @@ impl EnergyObserver {
             let i = m.inertia();
             (i.x_axis.x + i.y_axis.y + i.z_axis.z) / 3.0
         };
-        Self {
+        let mut out = Self {
             reduced: [reduced(chaser.mass(), target.mass()), reduced(mean(chaser), mean(target))],
             sensor_s,
             past: History::new(Pose::IDENTITY),
@@ -69,12 +71,16 @@ impl EnergyObserver {
             energy_j: 0.0,
             kinetic_j: 0.0,
             begun: false,
-        }
+        };
+        out.reset();
+        out
     }
 
     /// Forgets.
     pub fn reset(&mut self) {
-        (self.before, self.energy_j, self.kinetic_j) = (None, 0.0, 0.0);
+        // Of a motion at rest any noise would be a large share.
+        let least_j = 0.5 * self.reduced[0] * LEAST_M_S * LEAST_M_S;
+        (self.before, self.energy_j, self.kinetic_j) = (None, 0.0, least_j);
         self.begun = false;
     }
 
@@ -84,8 +90,8 @@ impl EnergyObserver {
         self.energy_j
     }
 
-    /// Takes a tick in: before the bodies are moved on.
-    pub fn see(&mut self, seen: &LoopContext<'_>) {
+    /// Takes a tick in, before the bodies are moved on; `added` is what a compensator adds to the measured wrenches.
+    pub fn see(&mut self, seen: &LoopContext<'_>, added: &Ports) {
         let plate = seen.measured.x_34;
         if !core::mem::replace(&mut self.begun, true) {
             self.past.rest(plate);
@@ -100,8 +106,9 @@ impl EnergyObserver {
         let now = [seen.motion.x_34, felt_at];
         let before = self.before.replace(now).unwrap_or(now);
         let [of_bodies, of_plate] = [0, 1].map(|i| apart(&before[i], &now[i]));
-        let contact = seen.ports.port4.rotated(seen.motion.x_34.q);
-        self.energy_j += work(&contact, &of_bodies) - work(&contact, &of_plate);
+        let measured = seen.ports.port4.rotated(seen.motion.x_34.q);
+        let felt = measured + added.port4.rotated(seen.motion.x_34.q);
+        self.energy_j += work(&felt, &of_bodies) - work(&measured, &of_plate);
         self.kinetic_j = self.kinetic_j.max(0.5 * self.twice_kinetic_j(&seen.motion.twist));
     }
 

@@ -84,7 +84,15 @@ pub(super) fn identify(args: &IdentifyArgs, json: bool) -> Result<ExitCode, Fail
         dofs: args.dof.iter().map(|d| *d as usize).collect(),
         room_m: args.room_mm * 1e-3,
     };
-    m.can_write(args.drive.as_deref(), "--drive")?;
+    if let Some(drive) = &args.drive {
+        m.can_write(Some(drive), "--drive")?;
+        if m.out.as_ref() == Some(drive) {
+            return Err(Failure::Usage {
+                what: format!("{} is to be both files", drive.display()),
+                remedy: "name different files with --out and --drive".to_owned(),
+            });
+        }
+    }
     m.can_write(m.out.as_deref(), "--out")?;
     let mut operator = AtTerminal { yes: m.led.yes, quiet: json };
     let (found, file) = commission::identify(m.stand()?, &m.drive(), &asked, &mut operator)?;

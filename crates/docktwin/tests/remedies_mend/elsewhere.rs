@@ -23,6 +23,7 @@ pub(crate) const ELSEWHERE: &[(&[&str], Where)] = &[
         &[
             "name a new file with {option}, or move that one away",
             "name a file in a folder of yours with {option}",
+            "name different files with --out and --drive",
         ],
         Test(
             "crates/docktwin/tests/same_kinds.rs",

@@ -60,7 +60,8 @@ pub struct TickRecord {
     pub x_34: Pose,
     /// Conditioned wrenches at the ports.
     pub ports: Ports,
-    /// What the compensator added to them for the bodies, where it corrects wrenches.
+    /// What was added to them for the bodies: by the compensator, where it corrects wrenches, and by the damping of a
+    /// budget of energy.
     pub correction: Option<Ports>,
     /// The bodies at `t_k`; at the initial condition before the loop is closed.
     pub bodies: [BodyState; 2],
@@ -315,7 +316,7 @@ impl<R: Rig, K: Clock, C: Compensator> Loop<R, K, Running, C> {
         let correction = self.compensator.wrench(&seen);
         let budget = self.setup.limits.energy_gained.zip(energy.as_mut());
         let (gained, damping) = budget.map_or_else(Default::default, |(budget, energy)| {
-            energy.see(&seen);
+            energy.see(&seen, &correction.unwrap_or_default());
             energy.within(budget, &seen)
         });
         (self.state.energy, self.state.gained) = (energy, gained);

@@ -506,7 +506,7 @@ const COMPENSATOR: &[Signal] = &[
         "/compensator",
         "correction_3_force",
         N,
-        "What the compensator adds to F3 for the bodies; 0 where it corrects no wrenches.",
+        "What the compensator, and the damping of `loop.energy_limit`, add to F3 for the bodies; 0 where neither does.",
     )
     .frame("`e3`"),
     vector("/compensator", "correction_3_moment", NM, "The same of M3.")

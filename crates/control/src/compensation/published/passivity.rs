@@ -40,7 +40,7 @@ impl Compensator for Passivity {
     }
 
     fn wrench(&mut self, seen: &LoopContext<'_>) -> Option<Ports> {
-        self.observer.see(seen);
+        self.observer.see(seen, &Ports::default());
         let energy_j = self.observer.energy_j();
         (seen.phase == Phase::Closed).then(|| self.observer.damping(energy_j, seen))
     }

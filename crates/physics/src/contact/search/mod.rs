@@ -27,7 +27,7 @@ pub(crate) use proof::{KeptProof, Start, deepest};
 
 use docktwin_core::DVec3;
 use newton::{Jet, minimise};
-use proof::AMPLE_M;
+use proof::{AMPLE_M, FEW_ROUNDS};
 
 /// A rectangle of parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -232,7 +232,7 @@ pub(crate) fn follow<P: Lift<N>, const N: usize>(
     let mut turns = 0;
     loop {
         let lifted = pairing.lifted(normal, lift);
-        let (next, _) = minimise(z, &rect.lo, &rect.hi, |z| lifted.eval(z));
+        let (next, _) = minimise(z, [&rect.lo, &rect.hi], FEW_ROUNDS, |z| lifted.eval(z));
         let place = lifted.place(next);
         let there = lifted.normal(&place);
         turns += 1;
@@ -309,7 +309,7 @@ mod tests {
         let whole = pairing.over([-1.0, 1.0], [0.0, 1.0]);
         let rect = draws.part(&whole);
         let start = draws.of(&rect);
-        let (z, _) = minimise(start, &rect.lo, &rect.hi, |z| pairing.eval(z));
+        let (z, _) = minimise(start, [&rect.lo, &rect.hi], FEW_ROUNDS, |z| pairing.eval(z));
         let place = pairing.place(z);
         let mut found = [0; 2];
         // Of a neighbourhood around the place.

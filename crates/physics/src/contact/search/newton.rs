@@ -14,20 +14,19 @@ pub(crate) struct Jet<const N: usize> {
 const FLAT: f64 = 1e-13;
 /// A step this short ends the iteration: Newton's method has squared its error with it.
 const SHORT: f64 = 1e-8;
-const MOST_ROUNDS: usize = 1000;
 
 /// Minimises from `z` within `lo` and `hi`: Newton's method on the parameters that are free, with a
-/// shift of the second derivatives where they are not positive. Never goes up.
+/// shift of the second derivatives where they are not positive, at most so many rounds. Never goes up.
 pub(crate) fn minimise<const N: usize>(
     z: [f64; N],
-    lo: &[f64; N],
-    hi: &[f64; N],
+    [lo, hi]: [&[f64; N]; 2],
+    rounds: usize,
     eval: impl Fn(&[f64; N]) -> Jet<N>,
 ) -> ([f64; N], Jet<N>) {
     let mut z: [f64; N] = core::array::from_fn(|i| z[i].clamp(lo[i], hi[i]));
     let mut now = eval(&z);
     let mut shift = 0.0;
-    for _ in 0..MOST_ROUNDS {
+    for _ in 0..rounds {
         let free = free(&z, lo, hi, &now.g);
         if (0..N).all(|i| !free[i] || now.g[i].abs() < FLAT) {
             break;
@@ -137,10 +136,10 @@ mod tests {
                 h: [[2.0 - 400.0 * (y - 3.0 * x * x), -400.0 * x], [-400.0 * x, 200.0]],
             }
         };
-        let (z, at) = minimise([-1.2, 1.0], &[-2.0; 2], &[2.0; 2], eval);
+        let (z, at) = minimise([-1.2, 1.0], [&[-2.0; 2], &[2.0; 2]], 60, eval);
         assert!(at.f < 1e-20 && (z[0] - 1.0).abs() < 1e-9, "{z:?}");
         // With x ≤ 0.5 the least lies at (0.5, 0.25).
-        let (z, _) = minimise([-1.2, 1.0], &[-2.0; 2], &[0.5, 2.0], eval);
+        let (z, _) = minimise([-1.2, 1.0], [&[-2.0; 2], &[0.5, 2.0]], 60, eval);
         assert!((z[0] - 0.5).abs() < 1e-12 && (z[1] - 0.25).abs() < 1e-9, "{z:?}");
     }
 }

@@ -19,6 +19,9 @@ const MOST_OPEN: usize = 64;
 /// Every so many parts the one at hand is polished: a second place nearly as deep is then settled
 /// by its own curvature.
 const POLISH_EVERY: u32 = 16;
+/// Rounds of a polish: of the first, whose place may be as flat as a line of contact, and of those that follow.
+const MANY_ROUNDS: usize = 1000;
+pub(super) const FEW_ROUNDS: usize = 60;
 /// Neighbourhoods kept at a time.
 const MOST_BASINS: usize = 6;
 
@@ -109,7 +112,7 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
     floor: f64,
     start: &Start<N>,
 ) -> Found<N, P::Aim> {
-    let place = polish(pairing, rect, &start.z);
+    let place = polish(pairing, rect, &start.z, MANY_ROUNDS);
     let known =
         start.proof.filter(|p| p.basin.contains(&place.z) && pairing.is_alone(&p.basin, &place));
     if let Some(proof) = known
@@ -139,7 +142,8 @@ pub(crate) fn deepest<P: Pairing<N>, const N: usize>(
         None => search.keep_basin(&place),
     }
     let mut rest = search.run();
-    if rest > search.target {
+    // Below the floor it does not matter which.
+    if rest > search.target && search.best.effective > floor {
         search.look_at_sides();
         rest = rest.max(search.best.effective);
     }
@@ -159,8 +163,9 @@ fn polish<P: Pairing<N>, const N: usize>(
     pairing: &P,
     rect: &Rect<N>,
     z: &[f64; N],
+    rounds: usize,
 ) -> Place<N, P::Aim> {
-    let (z, _) = minimise(*z, &rect.lo, &rect.hi, |z| pairing.eval(z));
+    let (z, _) = minimise(*z, [&rect.lo, &rect.hi], rounds, |z| pairing.eval(z));
     pairing.place(z)
 }
 
@@ -220,8 +225,9 @@ impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
                 for side in [self.rect.lo[i], self.rect.hi[i]] {
                     let mut on_side = self.rect;
                     (on_side.lo[i], on_side.hi[i]) = (side, side);
-                    let there = polish(self.pairing, &on_side, &on_side.clamp(&before.z));
-                    let place = polish(self.pairing, &self.rect, &there.z);
+                    let start = on_side.clamp(&before.z);
+                    let there = polish(self.pairing, &on_side, &start, FEW_ROUNDS);
+                    let place = polish(self.pairing, &self.rect, &there.z, FEW_ROUNDS);
                     if place.effective > self.best.effective {
                         self.best = place;
                         self.target = goal(place.effective, self.floor);
@@ -295,7 +301,7 @@ impl<P: Pairing<N>, const N: usize> Search<'_, P, N> {
         if !deeper && !self.parts.is_multiple_of(POLISH_EVERY) {
             return;
         }
-        let place = polish(self.pairing, &self.rect, z);
+        let place = polish(self.pairing, &self.rect, z, FEW_ROUNDS);
         if place.effective > self.best.effective + EQUAL_M {
             self.best = place;
             self.target = goal(place.effective, self.floor);

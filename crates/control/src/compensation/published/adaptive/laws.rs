@@ -2,12 +2,15 @@
 
 #![expect(clippy::needless_range_loop, reason = "vectors and matrices by their indices")]
 
+use docktwin_core::StateHasher;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{BOUNDS, Coefficients, bounded, smooth::Smoothed};
 
 /// Way at which there is something to learn from, m or rad: above the noise of the lengths.
 const LEAST_WAY: f64 = 2e-5;
+/// Acceleration at which a₂ can be learned, m/s² or rad/s²: above what the filter leaves of such noise.
+const LEAST_ACCELERATION: f64 = 0.05;
 
 /// Least squares over a window. Window, sampling and rates as in OpenFresco's examples.
 #[derive(Clone, Debug)]
@@ -17,12 +20,14 @@ pub(super) struct Series {
     samples: [[f64; 4]; SAMPLES],
     next: usize,
     full: bool,
-    ticks: u32,
+    since_s: f64,
+    /// What the last estimate said; the coefficients go there as fast as they may.
+    found: Coefficients,
 }
 
 const SAMPLES: usize = 63;
-/// Ticks between two samples, and two estimates.
-const EVERY: u32 = 16;
+/// Time between two samples, and two estimates, s.
+const EVERY_S: f64 = 16e-3;
 /// How fast the coefficients may change, 1/s, s/s, s²/s.
 const RATES: Coefficients = [2.0, 0.05, 1e-3];
 /// Least pivot of the scaled normal equations.
@@ -30,7 +35,7 @@ const LEAST_PIVOT: f64 = 1e-6;
 
 impl Series {
     pub(super) const fn new(a: Coefficients) -> Self {
-        Self { a, samples: [[0.0; 4]; SAMPLES], next: 0, full: false, ticks: 0 }
+        Self { a, samples: [[0.0; 4]; SAMPLES], next: 0, full: false, since_s: 0.0, found: a }
     }
 
     pub(super) const fn coefficients(&self) -> Coefficients {
@@ -38,26 +43,34 @@ impl Series {
     }
 
     pub(super) fn see(&mut self, s: &Smoothed, period_s: f64) {
-        self.ticks += 1;
-        if self.ticks < EVERY {
+        self.a = bounded(core::array::from_fn(|i| {
+            let most = RATES[i] * period_s;
+            self.a[i] + (self.found[i] - self.a[i]).clamp(-most, most)
+        }));
+        self.since_s += period_s;
+        // Half a tick, so that rounding does not make it one more.
+        if self.since_s < EVERY_S - 0.5 * period_s {
             return;
         }
-        self.ticks = 0;
+        self.since_s = 0.0;
         self.samples[self.next] = [s.u, s.y[0], s.y[1], s.y[2]];
         self.next = (self.next + 1) % SAMPLES;
         self.full |= self.next == 0;
         let known = if self.full { SAMPLES } else { self.next };
-        if let Some(found) = least_squares(&self.samples[..known]) {
-            let most = RATES.map(|r| r * f64::from(EVERY) * period_s);
-            self.a = bounded(core::array::from_fn(|i| {
-                self.a[i] + (found[i] - self.a[i]).clamp(-most[i], most[i])
-            }));
+        if let Some(found) = least_squares(&self.samples[..known], self.a[2]) {
+            self.found = bounded(found);
         }
+    }
+
+    pub(super) fn hash_into(&self, h: &mut StateHasher) {
+        let last = &self.samples[(self.next + SAMPLES - 1) % SAMPLES];
+        self.a.iter().chain(&self.found).chain(last).for_each(|x| h.f64(*x));
+        h.f64(self.since_s);
     }
 }
 
-/// `None` where the samples do not tell all three apart.
-fn least_squares(samples: &[[f64; 4]]) -> Option<Coefficients> {
+/// `None` where the samples do not tell them apart; a₂ stays where nothing accelerates.
+fn least_squares(samples: &[[f64; 4]], held: f64) -> Option<Coefficients> {
     let mut size = [0.0; 3];
     for s in samples {
         for i in 0..3 {
@@ -67,14 +80,22 @@ fn least_squares(samples: &[[f64; 4]]) -> Option<Coefficients> {
     let size = size.map(f64::sqrt);
     #[expect(clippy::cast_precision_loss, reason = "a few dozen")]
     let root = (samples.len() as f64).sqrt();
-    if samples.len() < 3 || size[1] * BOUNDS[1][1] < LEAST_WAY * root || size[2] <= 0.0 {
+    if samples.len() < 3 || size[1] * BOUNDS[1][1] < LEAST_WAY * root {
         return None;
     }
+    let accelerates = size[2] >= LEAST_ACCELERATION * root;
     let (mut m, mut v) = (Matrix3::zeros(), Vector3::zeros());
     for s in samples {
-        let row = Vector3::from_fn(|i, _| s[i + 1] / size[i].max(f64::MIN_POSITIVE));
+        let mut row = Vector3::from_fn(|i, _| s[i + 1] / size[i].max(f64::MIN_POSITIVE));
+        let mut u = s[0];
+        if !accelerates {
+            (u, row[2]) = (u - held * s[3], 0.0);
+        }
         m += row * row.transpose();
-        v += row * s[0];
+        v += row * u;
+    }
+    if !accelerates {
+        (m[(2, 2)], v[2]) = (1.0, held * size[2].max(f64::MIN_POSITIVE));
     }
     let cholesky = m.cholesky()?;
     let pivots = cholesky.l_dirty().diagonal();
@@ -113,11 +134,18 @@ impl Gradient {
         }
         let error = s.u - s.y.iter().zip(self.a).map(|(y, a)| y * a).sum::<f64>();
         for i in 0..3 {
-            // What is as small as noise weighs nothing.
-            let noise = LEAST_WAY / BOUNDS[i][1];
-            self.a[i] += GAIN_HZ * period_s * s.y[i] * error / (self.size[i] + noise * noise);
+            // What is as small as noise weighs nothing, and what has just begun no more than it will.
+            let size = self.size[i].max(s.y[i] * s.y[i]);
+            let noise = if i == 2 { LEAST_ACCELERATION } else { LEAST_WAY / BOUNDS[i][1] };
+            if size > noise * noise {
+                self.a[i] += GAIN_HZ * period_s * s.y[i] * error / size;
+            }
         }
         self.a = bounded(self.a);
+    }
+
+    pub(super) fn hash_into(&self, h: &mut StateHasher) {
+        self.a.iter().chain(&self.size).for_each(|x| h.f64(*x));
     }
 }
 
@@ -144,6 +172,10 @@ impl Recursive {
 
     pub(super) const fn coefficients(&self) -> Coefficients {
         [1.0, self.a[0], self.a[1]]
+    }
+
+    pub(super) fn hash_into(&self, h: &mut StateHasher) {
+        self.a.iter().chain(self.p.iter().flatten()).for_each(|x| h.f64(*x));
     }
 
     pub(super) fn see(&mut self, s: &Smoothed, period_s: f64) {
@@ -216,6 +248,37 @@ mod tests {
         found(series.coefficients());
         found(gradient.coefficients());
         found(recursive.coefficients());
+    }
+
+    /// In free flight the lag is found, and noise of the lengths teaches nothing of the second order.
+    #[test]
+    fn oracle_noise_in_free_flight_leaves_the_second_order() {
+        let begin = [1.0, 5e-3, 2e-4];
+        let mut smooth = Smooth::new();
+        let (mut series, mut gradient, mut recursive) =
+            (Series::new(begin), Gradient::new(begin), Recursive::new(begin));
+        let mut noise = 1_u64;
+        for i in 0..4000 {
+            noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let read = ((noise >> 33) as f64 / f64::from(u32::MAX >> 1) - 0.5) * 2e-5;
+            let y = 0.1 * f64::from(i) * 1e-3;
+            let s = smooth.of(y + 6e-3 * 0.1, y + read, 1e-3);
+            // The filter has forgotten that it began.
+            if i > 300 {
+                series.see(&s, 1e-3);
+                gradient.see(&s, 1e-3);
+                recursive.see(&s, 1e-3);
+            }
+        }
+        for (name, a) in [
+            ("series", series.coefficients()),
+            ("gradient", gradient.coefficients()),
+            ("recursive", recursive.coefficients()),
+        ] {
+            // At 0.4 m and 0.1 m/s: what goes with the way may stand for the lag.
+            let off = (a[0] - 1.0) * 0.4 + (a[1] - 6e-3) * 0.1;
+            assert!(off.abs() < 5e-5 && (a[2] / 2e-4 - 1.0).abs() < 0.1, "{name}: {off} {a:?}");
+        }
     }
 
     /// At rest nothing is learned.

@@ -6,8 +6,9 @@
 //!
 //! x₀ is where the first command was, τ_F the lag of the sensor. a is found from what was commanded, u, and where the
 //! plate was measured, y, `u = a₀ y + a₁ y' + a₂ y''`; what finds it is the method ([`laws`], [`unscented`]). All begin with
-//! what is believed of the rig, stay within the bounds that are shipped with OpenFresco's examples, and learn from the
-//! run-up on, from measurements of the tick alone. In free flight a₁ is seen and a₂ is not.
+//! what is believed of the rig, stay within the bounds that are shipped with OpenFresco's examples (a₁ ≤ 60 ms), and learn from
+//! the run-up on, from measurements of the tick alone, what stays between both at rest before taken off. In free flight a₁ is
+//! seen and a₂ is not.
 
 mod laws;
 mod smooth;
@@ -110,6 +111,24 @@ impl Law {
         }
     }
 
+    fn hash_into(&self, h: &mut StateHasher) {
+        match self {
+            Self::Series(smooth, law) => {
+                smooth.hash_into(h);
+                law.hash_into(h);
+            }
+            Self::Gradient(smooth, law) => {
+                smooth.hash_into(h);
+                law.hash_into(h);
+            }
+            Self::Recursive(smooth, law) => {
+                smooth.hash_into(h);
+                law.hash_into(h);
+            }
+            Self::Unscented(law) => law.hash_into(h),
+        }
+    }
+
     fn coefficients(&self) -> Coefficients {
         bounded(match self {
             Self::Series(_, law) => law.coefficients(),
@@ -131,8 +150,15 @@ pub struct Adaptive {
     /// What was commanded, `X_34`, for the last ticks.
     commanded: History<Pose, KEPT>,
     tick: Option<u64>,
+    /// Tick of the last measurement.
+    learned: Option<u64>,
+    /// What stays between command and measurement at rest.
+    standing: [f64; 6],
     laws: [Law; 6],
 }
+
+/// Time over which that is averaged, s.
+const STANDING_S: f64 = 0.1;
 
 /// Commands that are kept: measurements are a few ticks old at most.
 const KEPT: usize = 64;
@@ -148,6 +174,8 @@ impl Adaptive {
             place: None,
             commanded: History::new(Pose::IDENTITY),
             tick: None,
+            learned: None,
+            standing: [0.0; 6],
             laws,
         }
     }
@@ -170,10 +198,12 @@ impl Adaptive {
 
     fn learn(&mut self, seen: &LoopContext<'_>) {
         let Some(place) = self.place else { return };
-        let learns = matches!(seen.phase, Phase::RunUp | Phase::Closed);
-        if !learns || !seen.measured.fresh {
+        if !seen.measured.fresh || matches!(seen.phase, Phase::Move | Phase::Stop) {
             return;
         }
+        let since = seen.tick.saturating_sub(self.learned.replace(seen.tick).unwrap_or(seen.tick));
+        #[expect(clippy::cast_precision_loss, reason = "a few ticks")]
+        let period_s = since.max(1) as f64 * seen.period_s;
         // What was commanded for the instant of the measurement: here, not what is on its way to the rig, which may have been
         // held back.
         let (new, old, part) = self.commanded.ago(seen.measured.age_s / seen.period_s);
@@ -181,7 +211,13 @@ impl Adaptive {
         let u = self.coordinates(&place, &commanded);
         let y = self.coordinates(&place, &seen.measured.x_34);
         for (i, law) in self.laws.iter_mut().enumerate() {
-            law.see(u[i], y[i], seen.period_s);
+            if seen.phase == Phase::Settle {
+                // What stays between both at rest is no lag.
+                self.standing[i] +=
+                    (u[i] - y[i] - self.standing[i]) * (period_s / STANDING_S).min(1.0);
+            } else {
+                law.see(u[i], y[i] + self.standing[i], period_s);
+            }
         }
     }
 
@@ -259,7 +295,8 @@ impl Compensator for Adaptive {
     }
 
     fn reset(&mut self) {
-        (self.place, self.tick) = (None, None);
+        (self.place, self.tick, self.learned) = (None, None, None);
+        self.standing = [0.0; 6];
         self.commanded.rest(Pose::IDENTITY);
         let [a1, a2] = self.delays.of_plate();
         self.laws.iter_mut().for_each(|law| law.reset([1.0, a1, a2]));
@@ -286,9 +323,12 @@ impl Compensator for Adaptive {
 
     fn digest(&self) -> Option<u64> {
         let mut h = StateHasher::new();
-        for law in &self.laws {
-            law.coefficients().iter().for_each(|a| h.f64(*a));
-        }
+        h.u64(self.tick.unwrap_or(u64::MAX));
+        let oldest = self.commanded.oldest();
+        h.vec3(oldest.p);
+        h.quat(oldest.q);
+        self.standing.iter().for_each(|x| h.f64(*x));
+        self.laws.iter().for_each(|law| law.hash_into(&mut h));
         Some(h.finish().short())
     }
 }

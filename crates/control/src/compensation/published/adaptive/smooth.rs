@@ -1,6 +1,8 @@
 //! Command and measurement without what is above the band of a docking, with the derivatives of the measurement: both
 //! through the same filter, so that its own lag drops out.
 
+use docktwin_core::StateHasher;
+
 /// Corner of each of its three sections, Hz.
 const CORNER_HZ: f64 = 20.0;
 
@@ -53,6 +55,12 @@ pub(super) struct Smooth {
 impl Smooth {
     pub(super) const fn new() -> Self {
         Self { filters: None }
+    }
+
+    pub(super) fn hash_into(&self, h: &mut StateHasher) {
+        for cascade in self.filters.iter().flatten() {
+            cascade.at.iter().for_each(|x| h.f64(*x));
+        }
     }
 
     /// The next pair.

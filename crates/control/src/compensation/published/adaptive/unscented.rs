@@ -7,6 +7,7 @@
 //!
 //! A dead time τ is κ = ½ to the second order, a position loop 2ζ/ω and 1/ω². The inverse is `1 + τ s + κ τ² s²`.
 
+use docktwin_core::StateHasher;
 use nalgebra::{SMatrix, SVector};
 
 use super::Coefficients;
@@ -35,6 +36,7 @@ pub(super) struct Unscented {
     p: Covariance,
     /// Command of the tick before.
     before: Option<f64>,
+    believed: Coefficients,
     /// What is believed where the lag is too short to be followed.
     fixed: Option<Coefficients>,
 }
@@ -46,7 +48,7 @@ impl Unscented {
         let lag = a1.max(LEAST_LAG_S);
         let shape = if fixed.is_some() { 0.5 } else { a2 / (lag * lag) };
         let x = State::new(0.0, 0.0, lag.ln(), shape.ln());
-        Self { x, p: Covariance::zeros(), before: None, fixed }
+        Self { x, p: Covariance::zeros(), before: None, believed, fixed }
     }
 
     pub(super) fn coefficients(&self) -> Coefficients {
@@ -101,8 +103,12 @@ impl Unscented {
         self.x[2] = self.x[2].clamp(lags[0], lags[1]);
         self.x[3] = self.x[3].clamp(0.1_f64.ln(), 2.0_f64.ln());
         if !self.x.iter().chain(self.p.iter()).all(|x| x.is_finite()) {
-            self.before = None;
+            *self = Self::new(self.believed);
         }
+    }
+
+    pub(super) fn hash_into(&self, h: &mut StateHasher) {
+        self.x.iter().chain(self.p.iter()).for_each(|x| h.f64(*x));
     }
 }
 
